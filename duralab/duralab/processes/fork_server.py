@@ -21,139 +21,129 @@ import traceback
 from importlib.util import find_spec
 from typing import Any, Final, NoReturn
 
-from setproctitle import setproctitle, setthreadtitle
-
-if sys.platform == "win32":
-    raise ImportError("Windows has no fork; services are started as new processes there.")
-
 LARGEST_PACKET: Final = 65_536
 
 _SHARED: Final = ("duralab_bus", "duralab_settings", "duralab_gateway", "duralab_loads", "duralab_spectra")
 """What most services import at their start."""
 
+if sys.platform != "win32":  # which has no fork
+    from setproctitle import setproctitle, setthreadtitle
 
-def main() -> None:
-    """Serve requests until the other end of the socket is closed."""
-    channel = socket.socket(fileno=int(sys.argv[1]))
-    channel.setblocking(False)
-    for name in _SHARED:
-        importlib.import_module(name)
-    # What was imported stays; a collection in a service would copy the pages of all of it.
-    gc.collect()
-    gc.freeze()
-    children_end, on_child = socket.socketpair()
-    for end in (children_end, on_child):
-        end.setblocking(False)
-    signal.set_wakeup_fd(on_child.fileno(), warn_on_full_buffer=False)
-    signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
-    started: set[str] = set()
-    with selectors.DefaultSelector() as selector:
-        selector.register(channel, selectors.EVENT_READ)
-        selector.register(children_end, selectors.EVENT_READ)
-        while True:
-            ready = {key.fileobj for key, _ in selector.select()}
-            if channel in ready and not _answer(channel, started, inherited=(channel, children_end, on_child)):
-                return
-            if children_end in ready:
-                children_end.recv(LARGEST_PACKET)
-                _tell_ended(channel)
-
-
-def _answer(channel: socket.socket, started: set[str], *, inherited: tuple[socket.socket, ...]) -> bool:
-    """Start one service; False where the socket was closed."""
-    packet, ends, _, _ = socket.recv_fds(channel, LARGEST_PACKET, 1)
-    if not packet:
-        return False
-    request, (life_line,) = json.loads(packet), ends
-    name = request["name"]
-    if name in started:
-        _import_again(name)
-    started.add(name)
-    try:
-        pid = os.fork()
-    except OSError as error:
-        os.close(life_line)
-        _send(channel, {"error": error.errno or errno.EAGAIN})
-        return True
-    if pid == 0:
-        _become_service(request, life_line, inherited)
-    os.close(life_line)
-    _send(channel, {"pid": pid})
-    return True
-
-
-def _import_again(name: str) -> None:
-    """Import a service that is started for the second time, so that it and those after it find it imported."""
-    module = f"{name}.service"
-    package = find_spec(name)
-    # To look for a module in a package imports the package, so only a service of a lab's form is looked at.
-    if package is None or not package.submodule_search_locations:
-        return
-    if module not in sys.modules and find_spec(module) is not None:
-        importlib.import_module(module)
+    def main() -> None:
+        """Serve requests until the other end of the socket is closed."""
+        channel = socket.socket(fileno=int(sys.argv[1]))
+        channel.setblocking(False)
+        for name in _SHARED:
+            importlib.import_module(name)
+        # What was imported stays; a collection in a service would copy the pages of all of it.
         gc.collect()
         gc.freeze()
+        children_end, on_child = socket.socketpair()
+        for end in (children_end, on_child):
+            end.setblocking(False)
+        signal.set_wakeup_fd(on_child.fileno(), warn_on_full_buffer=False)
+        signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
+        started: set[str] = set()
+        with selectors.DefaultSelector() as selector:
+            selector.register(channel, selectors.EVENT_READ)
+            selector.register(children_end, selectors.EVENT_READ)
+            while True:
+                ready = {key.fileobj for key, _ in selector.select()}
+                if channel in ready and not _answer(channel, started, inherited=(channel, children_end, on_child)):
+                    return
+                if children_end in ready:
+                    children_end.recv(LARGEST_PACKET)
+                    _tell_ended(channel)
 
-
-def _tell_ended(channel: socket.socket) -> None:
-    while True:
+    def _answer(channel: socket.socket, started: set[str], *, inherited: tuple[socket.socket, ...]) -> bool:
+        """Start one service; False where the socket was closed."""
+        packet, ends, _, _ = socket.recv_fds(channel, LARGEST_PACKET, 1)
+        if not packet:
+            return False
+        request, (life_line,) = json.loads(packet), ends
+        name = request["name"]
+        if name in started:
+            _import_again(name)
+        started.add(name)
         try:
-            pid, status = os.waitpid(-1, os.WNOHANG)
-        except ChildProcessError:
-            return
+            pid = os.fork()
+        except OSError as error:
+            os.close(life_line)
+            _send(channel, {"error": error.errno or errno.EAGAIN})
+            return True
         if pid == 0:
-            return
-        _send(channel, {"ended": pid, "code": os.waitstatus_to_exitcode(status)})
-
-
-def _send(channel: socket.socket, message: dict[str, int]) -> None:
-    channel.setblocking(True)
-    try:
-        channel.send(json.dumps(message).encode())
-    except OSError:
-        # Nobody is left to be told; the loop ends with the socket.
-        pass
-    finally:
-        channel.setblocking(False)
-
-
-def _become_service(request: dict[str, Any], life_line: int, inherited: tuple[socket.socket, ...]) -> NoReturn:
-    """Run a service in this process, as `python -m NAME --config FILE` does, and end it."""
-    code = 1
-    try:
-        signal.set_wakeup_fd(-1)
-        signal.signal(signal.SIGCHLD, signal.SIG_DFL)
-        os.setsid()
-        for end in inherited:
-            end.close()
-        log = os.open(request["log"], os.O_WRONLY | os.O_APPEND)
-        for source, target in ((life_line, 0), (log, 1), (log, 2)):
-            os.dup2(source, target)
+            _become_service(request, life_line, inherited)
         os.close(life_line)
-        os.close(log)
-        os.chdir(request["folder"])
-        sys.path[0] = request["folder"]
-        sys.argv = [request["name"], "--config", request["config"]]
-        # As the list of processes would show it without a fork.
-        setproctitle(f"{sys.executable} -m {' '.join(sys.argv)}")
-        setthreadtitle(request["name"])
-        runpy.run_module(request["name"], run_name="__main__", alter_sys=True)
-        code = 0
-    except SystemExit as ended:
-        code = _exit_code(ended)
-    except BaseException:  # noqa: BLE001 - the end of a process: whatever it was is said in its log
-        traceback.print_exc()
-    sys.stdout.flush()
-    sys.stderr.flush()
-    os._exit(code)
+        _send(channel, {"pid": pid})
+        return True
 
+    def _import_again(name: str) -> None:
+        """Import a service that is started for the second time, so that it and those after it find it imported."""
+        module = f"{name}.service"
+        package = find_spec(name)
+        # To look for a module in a package imports the package, so only a service of a lab's form is looked at.
+        if package is None or not package.submodule_search_locations:
+            return
+        if module not in sys.modules and find_spec(module) is not None:
+            importlib.import_module(module)
+            gc.collect()
+            gc.freeze()
 
-def _exit_code(ended: SystemExit) -> int:
-    if ended.code is None or isinstance(ended.code, int):
-        return ended.code or 0
-    sys.stderr.write(f"{ended.code}\n")
-    return 1
+    def _tell_ended(channel: socket.socket) -> None:
+        while True:
+            try:
+                pid, status = os.waitpid(-1, os.WNOHANG)
+            except ChildProcessError:
+                return
+            if pid == 0:
+                return
+            _send(channel, {"ended": pid, "code": os.waitstatus_to_exitcode(status)})
 
+    def _send(channel: socket.socket, message: dict[str, int]) -> None:
+        channel.setblocking(True)
+        try:
+            channel.send(json.dumps(message).encode())
+        except OSError:
+            # Nobody is left to be told; the loop ends with the socket.
+            pass
+        finally:
+            channel.setblocking(False)
 
-if __name__ == "__main__":
-    main()
+    def _become_service(request: dict[str, Any], life_line: int, inherited: tuple[socket.socket, ...]) -> NoReturn:
+        """Run a service in this process, as `python -m NAME --config FILE` does, and end it."""
+        code = 1
+        try:
+            signal.set_wakeup_fd(-1)
+            signal.signal(signal.SIGCHLD, signal.SIG_DFL)
+            os.setsid()
+            for end in inherited:
+                end.close()
+            log = os.open(request["log"], os.O_WRONLY | os.O_APPEND)
+            for source, target in ((life_line, 0), (log, 1), (log, 2)):
+                os.dup2(source, target)
+            os.close(life_line)
+            os.close(log)
+            os.chdir(request["folder"])
+            sys.path[0] = request["folder"]
+            sys.argv = [request["name"], "--config", request["config"]]
+            # As the list of processes would show it without a fork.
+            setproctitle(f"{sys.executable} -m {' '.join(sys.argv)}")
+            setthreadtitle(request["name"])
+            runpy.run_module(request["name"], run_name="__main__", alter_sys=True)
+            code = 0
+        except SystemExit as ended:
+            code = _exit_code(ended)
+        except BaseException:  # noqa: BLE001 - the end of a process: whatever it was is said in its log
+            traceback.print_exc()
+        sys.stdout.flush()
+        sys.stderr.flush()
+        os._exit(code)
+
+    def _exit_code(ended: SystemExit) -> int:
+        if ended.code is None or isinstance(ended.code, int):
+            return ended.code or 0
+        sys.stderr.write(f"{ended.code}\n")
+        return 1
+
+    if __name__ == "__main__":
+        main()

@@ -123,7 +123,7 @@ def limited(count, folder):
 
 
 @pytest.mark.skipif(not (shutil.which("setpriv") and shutil.which("prlimit")), reason="needs util-linux")
-@pytest.mark.parametrize(("threads", "said"), [(8, "could not be started: "), (30, "it could not start a thread, ")])
+@pytest.mark.parametrize(("threads", "said"), [(11, "could not be started: "), (30, "it could not start a thread, ")])
 def test_a_limit_of_processes_is_one_sentence(tmp_path, threads, said):
     """The first limit is met by the command, the second by a service that it starts."""
     process = subprocess.Popen(
