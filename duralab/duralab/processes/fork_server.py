@@ -26,6 +26,9 @@ LARGEST_PACKET: Final = 65_536
 _SHARED: Final = ("duralab_bus", "duralab_settings", "duralab_gateway", "duralab_loads", "duralab_spectra")
 """What most services import at their start."""
 
+_DEAREST: Final = ("rig_sim", "recorder")
+"""Services whose imports take longest: made while nobody has asked for a service."""
+
 if sys.platform != "win32":  # which has no fork
     from setproctitle import setproctitle, setthreadtitle
 
@@ -44,11 +47,17 @@ if sys.platform != "win32":  # which has no fork
         signal.set_wakeup_fd(on_child.fileno(), warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
         started: set[str] = set()
+        ahead = [*_DEAREST]
         with selectors.DefaultSelector() as selector:
             selector.register(channel, selectors.EVENT_READ)
             selector.register(children_end, selectors.EVENT_READ)
             while True:
-                ready = {key.fileobj for key, _ in selector.select()}
+                ready = {key.fileobj for key, _ in selector.select(0.0 if ahead else None)}
+                if ahead and not ready:
+                    _import_service(ahead.pop(0))
+                    continue
+                # From the first service on, the processor is for them.
+                ahead.clear()
                 if channel in ready and not _answer(channel, started, inherited=(channel, children_end, on_child)):
                     return
                 if children_end in ready:
@@ -63,7 +72,7 @@ if sys.platform != "win32":  # which has no fork
         request, (life_line,) = json.loads(packet), ends
         name = request["name"]
         if name in started:
-            _import_again(name)
+            _import_service(name)
         started.add(name)
         try:
             pid = os.fork()
@@ -77,8 +86,8 @@ if sys.platform != "win32":  # which has no fork
         _send(channel, {"pid": pid})
         return True
 
-    def _import_again(name: str) -> None:
-        """Import a service that is started for the second time, so that it and those after it find it imported."""
+    def _import_service(name: str) -> None:
+        """Import a service where it is installed, so that those forked from now on find it imported."""
         module = f"{name}.service"
         package = find_spec(name)
         # To look for a module in a package imports the package, so only a service of a lab's form is looked at.
