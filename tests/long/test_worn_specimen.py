@@ -14,7 +14,8 @@ from sequencer.endurance.iterate_again import update_of_worn
 
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 RIG = "front_axle_wearing"
-# Of the error of the new specimen: what is allowed, and what three playbacks leave of large changes (measured: 1.6).
+# Over the error of the new specimen. The goal for every wear is ALLOWED. Large changes miss it (measured: 1.6 at most),
+# and SO_FAR only keeps them from becoming worse.
 ALLOWED, SO_FAR = 1.1, 1.8
 
 
@@ -71,7 +72,7 @@ def new_specimen():
         ("left_tie_rod", {"stiffness": 0.8, "damping": 0.8}, SO_FAR),
     ],
 )
-def test_three_playbacks_bring_a_worn_specimen_back_to_its_errors(new_specimen, part, lost, share):
+def test_three_playbacks_reduce_the_error_of_a_worn_specimen(new_specimen, part, lost, share):
     rig, campaign, update, best = new_specimen
     play = playing_on(rig, rig.changed({part: Lost(**lost)}), seed=3000)
     # The repeat in which it was noticed is the first playback of the new campaign; three are played.

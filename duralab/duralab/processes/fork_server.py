@@ -113,7 +113,7 @@ if sys.platform != "win32":  # which has no fork
         try:
             channel.send(json.dumps(message).encode())
         except OSError:
-            # Nobody is left to be told; the loop ends with the socket.
+            # The other process has ended; the loop ends with the socket.
             pass
         finally:
             channel.setblocking(False)

@@ -1,7 +1,7 @@
 """A service as a process of this machine: started by a fork of a process that has imported already, where there is one.
 
-On Linux a process of its own imports once what the services share and starts each by a fork, see `fork_server`. Other
-systems start a new Python for each.
+On Linux a separate process imports once what the services share and starts each of them by a fork, see `fork_server`.
+Other systems start a new Python for each service.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ if sys.platform == "linux":
                         while pid not in self._ended and self._readable(0.0):
                             self._take(self._receive())
                     except LabError:
-                        # Services outlive the process that forked them; how they end, nobody is told then.
+                        # Services outlive the process that forked them; then their exit codes are not known.
                         if not _exists(pid):
                             self._ended[pid] = UNKNOWN_EXIT
                         time.sleep(min(_LOST_SECONDS, max(0.0, deadline - time.monotonic())))

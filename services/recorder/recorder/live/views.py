@@ -147,7 +147,7 @@ class LiveViews:
 
 
 def _import_rerun() -> None:
-    import recorder.live.rebuild  # noqa: F401 - half a second; whoever draws imports it once more
+    import recorder.live.rebuild  # noqa: F401 - takes half a second; the drawing code finds it imported
 
     # What was imported stays. Rerun's streams are only let go of by a collection, after every recording, and most of
     # its time it looked at ninety thousand objects of modules.
