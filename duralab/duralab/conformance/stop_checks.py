@@ -10,7 +10,7 @@ import numpy as np
 from duralab.conformance.bench import PATIENCE_SECONDS, REPAIR_SECONDS, Bench, BreachError, NotTriedError, expect
 from duralab.conformance.play_checks import Pulse, check_signal
 from duralab.conformance.refusal_checks import check_refused, gentle_drive
-from duralab_bus import FaultError
+from duralab_bus import BusError, FaultError
 from duralab_proto.arrays import from_array, from_record
 from duralab_proto.v1 import query_pb2, rig_pb2
 
@@ -31,6 +31,7 @@ class StopChecks:
         self._bench = bench
         self._run = bench.new_run()
         self._outcome: FaultError | rig_pb2.PlayResult | None = None
+        self._playing: threading.Thread | None = None
         self._stopped = False
         self._late = False
         self._drive = np.zeros((0, 0))
@@ -52,8 +53,8 @@ class StopChecks:
     def _check_busy_and_stops(self, pulse: Pulse) -> None:
         bench = self._bench
         self._drive = drive = gentle_drive(bench.description, bench.seconds)
-        thread = threading.Thread(target=self._play, daemon=True)
-        thread.start()
+        self._playing = threading.Thread(target=self._play, daemon=True)
+        self._playing.start()
         began = self._wait_until_it_plays()
         expect(self._outcome is None, "the playback had ended before it could be stopped.")
         other = bench.new_run()
@@ -74,7 +75,7 @@ class StopChecks:
         state = bench.stop(REASON)
         answered = time.monotonic() - began
         self._stopped = True
-        thread.join(PATIENCE_SECONDS + (bench.seconds if bench.description.cannot_be_stopped else 0.0))
+        self._playing.join(PATIENCE_SECONDS + (bench.seconds if bench.description.cannot_be_stopped else 0.0))
         if busy is not None:
             raise busy
         expect(
@@ -196,7 +197,9 @@ class StopChecks:
         bench.play(bench.new_run(), np.zeros((len(bench.description.drives), 10)))
 
     def clean_up(self) -> None:
-        """Clear the latch of this check, whatever was found."""
+        """Wait for the end of a playback that was not stopped, and clear the latch of this check."""
+        if self._playing is not None:
+            self._playing.join(PATIENCE_SECONDS + self._bench.seconds)
         if self._stopped and self._bench.state().reason == REASON:
             self._bench.reset()
 
@@ -235,3 +238,5 @@ class StopChecks:
             self._outcome = self._bench.play(self._run, self._drive, real_time=True)
         except FaultError as fault:
             self._outcome = fault
+        except BusError:
+            pass  # It never ended, and the check is over.

@@ -127,8 +127,9 @@ def test_a_pause_of_this_process_is_no_fault_of_the_rig(hall, playback):
 
     def pause():
         assert playing.wait(60.0)
-        # A call through PyDLL keeps the interpreter's lock: nothing of this process runs meanwhile.
-        ctypes.PyDLL(None).usleep(2_000_000)
+        # A call through PyDLL keeps the interpreter's lock: nothing of this process runs meanwhile. Below the
+        # lease of 2 s: after that the other side ends the link, and a query that was sent has an unknown end.
+        ctypes.PyDLL(None).usleep(1_500_000)
 
     states = bus.subscribe(bus.keys.rig_state("rig_none"), rig_pb2.RigState, on_state)
     with contextlib.closing(states), ThreadPoolExecutor(1) as pool:
