@@ -8,17 +8,19 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from pydantic import ValidationError
 
 from duralab.arguments import require_path, require_switch, require_text
 from duralab.errors import InputError, UnavailableError
 from duralab.lab.client import require_time
-from duralab.lab.lab import Lab
 from duralab.lab.recordings_folder import RecordingsPlace, own_recordings
 from duralab.processes import Supervisor, lab_services, the_running_lab
-from duralab_bus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
+from duralab_bus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, import_in_background, open_bus
+
+if TYPE_CHECKING:
+    from duralab.lab.lab import Lab
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7474"
 """Where `duralab up` listens, and `connect` looks, where nothing else is said."""
@@ -118,7 +120,11 @@ def start(
         )
         traces = Path(trace_folder) if trace_folder is not None else None
         supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs", trace_folder=traces))
+        # What a lab can do is imported while its services are.
+        import_in_background("duralab.lab.lab")
         supervisor.start()
+        from duralab.lab.lab import Lab
+
         yield Lab(bus, out=folder, supervisor=supervisor, recordings=place)
 
 
@@ -176,6 +182,8 @@ def connect(
             raise UnavailableError(f"The lab at {endpoint} is not complete: {fault.message}") from fault
         _wait_until_all_are_known(bus)
         place = RecordingsPlace(passing=_passing(stack, out), goes_on=True)
+        from duralab.lab.lab import Lab
+
         yield Lab(bus, out=place.passing or Path(out or ""), recordings=place)
 
 

@@ -23,7 +23,6 @@ from duralab.lab.project_result import EventResult, ProjectResult
 from duralab.lab.recordings_folder import RECORDINGS
 from duralab.output_files import OUTPUTS
 from duralab.recording import open_recording
-from duralab.report import EventSection, write_project_report
 from duralab_bus import FaultError
 from duralab_proto.arrays import from_record
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
@@ -248,6 +247,8 @@ def _concluded(run: _Run, results: tuple[EventResult, ...]) -> ProjectResult:
     made = [each for each in results if each.result is not None]
     if not made:
         return result
+    from duralab.report import EventSection, write_project_report
+
     header, rows = result.rows()
     report = write_project_report(
         run.folder / "report.html",

@@ -26,8 +26,12 @@ LARGEST_PACKET: Final = 65_536
 _SHARED: Final = ("duralab_bus", "duralab_settings", "duralab_gateway", "duralab_loads", "duralab_spectra")
 """What most services import at their start."""
 
-_DEAREST: Final = ("rig_sim", "recorder")
+_SIMULATOR: Final = "rig_sim"
+_DEAREST: Final = (_SIMULATOR, "recorder")
 """Services whose imports take longest: made while nobody has asked for a service."""
+
+_MATHEMATICS: Final = ("duralab_drive_map", "scipy.ndimage", "scipy.special")
+"""What the services share that do mathematics: imported while the simulator, which needs none of it, loads its rigs."""
 
 if sys.platform != "win32":  # which has no fork
     from setproctitle import setproctitle, setthreadtitle
@@ -73,6 +77,9 @@ if sys.platform != "win32":  # which has no fork
         name = request["name"]
         if name in started:
             _import_service(name)
+        if name != _SIMULATOR:
+            for module in _MATHEMATICS:
+                importlib.import_module(module)
         started.add(name)
         try:
             pid = os.fork()

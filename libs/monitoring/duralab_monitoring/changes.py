@@ -7,8 +7,8 @@ from itertools import pairwise
 from typing import Final
 
 import numpy as np
+import scipy  # imports scipy.special on first use, which takes 0.2 s
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri
 
 from duralab_monitoring.alarms import Alarm, AlarmKind, AlarmLevel
 from duralab_monitoring.detection import ChangeDetector, Explanation
@@ -57,7 +57,7 @@ class ChangeWatch:
         self.detector = ChangeDetector(len(events), len(channels) * len(self._measures))
         tests = self.detector.tests + 2 * len(channels) * len(COLUMNS)
         self.probability = 1e-4 * settings.false_alarms / tests
-        self._threshold = -float(ndtri(self.probability))
+        self._threshold = -float(scipy.special.ndtri(self.probability))
         self.latched = np.zeros(len(channels), dtype=np.int64)
         self.undecided = np.zeros(len(channels), dtype=np.int64)
 

@@ -15,8 +15,8 @@ from functools import lru_cache
 from typing import Final
 
 import numpy as np
+import scipy  # imports scipy.special on first use, which takes 0.2 s
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import ndtri, stdtr
 
 WEIGHTS: Final = 0.5 ** np.arange(8.0)
 """Weight of the newest repeat in each average: 1 to 1/128."""
@@ -34,10 +34,10 @@ _SMALLEST_TAIL: Final = 1e-290
 
 def normal_score(t: NDArray[np.float64], freedom: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the standard normal value as improbable as a value of the t distribution."""
-    tail = stdtr(freedom, -np.abs(t))
+    tail = scipy.special.stdtr(freedom, -np.abs(t))
     # Where the tail is no number any more: Wallace (1959), good to a few percent there.
     far = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) * np.sqrt(freedom * np.log1p(t**2 / freedom))
-    return np.sign(t) * np.where(tail > _SMALLEST_TAIL, -ndtri(np.maximum(tail, _SMALLEST_TAIL)), far)
+    return np.sign(t) * np.where(tail > _SMALLEST_TAIL, -scipy.special.ndtri(np.maximum(tail, _SMALLEST_TAIL)), far)
 
 
 @lru_cache(maxsize=8)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import scipy  # imports scipy.special on first use, which takes 0.2 s
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from duralab_monitoring.alarms import Alarm, AlarmKind, AlarmLevel
 from duralab_monitoring.repeat_statistics import COLUMNS
@@ -27,7 +27,7 @@ class StatisticLimits:
     ) -> None:
         self._channels, self._levels = tuple(channels), settings.learnt_limits
         self._exponent, self._repeats = float(settings.damage_exponent), settings.baseline_repeats
-        self._quantile = -float(stdtrit(self._repeats - 1, probability))
+        self._quantile = -float(scipy.special.stdtrit(self._repeats - 1, probability))
         #: Lowest and highest value by level, shape (2, 2, channels, columns).
         self._bounds = np.empty((2, 2, len(channels), len(COLUMNS)))
         self._bounds[:, 0], self._bounds[:, 1] = -np.inf, np.inf

@@ -13,8 +13,8 @@ from enum import StrEnum
 from itertools import pairwise
 
 import numpy as np
+import scipy  # imports scipy.fft on first use, which takes 0.2 s
 from numpy.typing import NDArray
-from scipy.fft import irfft, rfft
 
 _LARGEST_LAG_SECONDS = 0.1
 _NEWTON_STEPS = 4
@@ -65,7 +65,9 @@ class BandLines:
 
     def spectrum(self, record: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return the lines of a record, so that half the square of a magnitude is the power of a line."""
-        return np.asarray(rfft(record, axis=1), dtype=np.complex128)[:, self.first : self.last] * (2.0 / self.samples)
+        return np.asarray(scipy.fft.rfft(record, axis=1), dtype=np.complex128)[:, self.first : self.last] * (
+            2.0 / self.samples
+        )
 
     def lag(self, reference: NDArray[np.complex128], lines: NDArray[np.complex128]) -> float:
         """Return the delay in s of one record against another, at which they correlate most over all rows."""
@@ -77,7 +79,7 @@ class BandLines:
         whole[self.first : self.last] = cross
         reach = min(round(_LARGEST_LAG_SECONDS * self.sample_rate), self.samples // 2 - 1)
         places = np.arange(-reach, reach + 1)
-        lag = float(places[np.argmax(np.asarray(irfft(whole, n=self.samples))[places])]) / self.sample_rate
+        lag = float(places[np.argmax(np.asarray(scipy.fft.irfft(whole, n=self.samples))[places])]) / self.sample_rate
         omega = self.omega
         for _ in range(_NEWTON_STEPS):
             turned = cross * np.exp(1j * omega * lag)

@@ -3,20 +3,20 @@
 from typing import cast
 
 import numpy as np
+import scipy  # imports scipy.fft on first use, which takes 0.2 s
 from numpy.typing import NDArray
-from scipy import fft
 
 
 def forward(samples: NDArray[np.float64], length: int | None = None) -> NDArray[np.complex128]:
     """One-sided spectrum of each row, zero-padded to a length."""
-    return cast(NDArray[np.complex128], fft.rfft(samples, length, axis=-1))
+    return cast(NDArray[np.complex128], scipy.fft.rfft(samples, length, axis=-1))
 
 
 def backward(spectrum: NDArray[np.complex128], length: int) -> NDArray[np.float64]:
     """Real rows from their one-sided spectra: undoes `forward`."""
-    return cast(NDArray[np.float64], fft.irfft(spectrum, length, axis=-1))
+    return cast(NDArray[np.float64], scipy.fft.irfft(spectrum, length, axis=-1))
 
 
 def fast_length(least: int) -> int:
     """Shortest even length from `least` upward that transforms fast."""
-    return 2 * cast(int, fft.next_fast_len((least + 1) // 2, real=True))
+    return 2 * cast(int, scipy.fft.next_fast_len((least + 1) // 2, real=True))

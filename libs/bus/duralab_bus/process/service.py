@@ -126,7 +126,8 @@ def run_service(
         stop.set_up()
         for instance in instances:
             bus.declare_live(name, instance)
-        import_in_background(*needs_later)
+        if needs_later:
+            import_in_background(*needs_later)
         log.info("ready", instances=list(instances), listening=list(bus.listening), lab=config.bus.lab, metrics=metrics)
         stop.wait()
         log.info("ending", why=stop.reason)
