@@ -132,8 +132,12 @@ def open_lab(
     viewer: str | None = None,
     recordings: Path | None = None,
     trace_folder: Path | None = None,
+    needs_later: Sequence[str] = (),
 ) -> Iterator[Lab]:
-    """Join the lab at an endpoint, or start a private one with these rigs (the usual ones if none are named)."""
+    """Join the lab at an endpoint, or start a private one with these rigs (the usual ones if none are named).
+
+    `needs_later`: Modules to import while a private lab starts.
+    """
     from duralab.lab import DEFAULT_RIGS, connect, start
     from duralab.processes import require_shipped
 
@@ -150,6 +154,7 @@ def open_lab(
                     viewer=viewer,
                     recordings=recordings,
                     trace_folder=trace_folder,
+                    needs_later=needs_later,
                 )
             )
         yield lab

@@ -17,7 +17,7 @@ from duralab.errors import InputError, UnavailableError
 from duralab.lab.client import require_time
 from duralab.lab.recordings_folder import RecordingsPlace, own_recordings
 from duralab.processes import Supervisor, lab_services, the_running_lab
-from duralab_bus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, import_in_background, open_bus
+from duralab_bus import Bus, BusConfig, BusError, BusMode, FaultError, TlsConfig, open_bus
 
 if TYPE_CHECKING:
     from duralab.lab.lab import Lab
@@ -50,6 +50,7 @@ def start(
     real_time: bool = False,
     endurance: bool = False,
     trace_folder: str | Path | None = None,
+    needs_later: Sequence[str] = (),
 ) -> Iterator[Lab]:
     """Start a private lab on this machine: four service processes, ended with the `with` statement.
 
@@ -74,6 +75,8 @@ def start(
         Start a sequencer as well, for `Lab.endure`.
     trace_folder : str or Path, optional
         Existing folder in which each service writes what its time is spent on, for `duralab.profile.Profile`.
+    needs_later : sequence of str
+        Modules that the caller needs next: imported while the services start.
 
     Yields
     ------
@@ -117,12 +120,11 @@ def start(
             viewer=viewer,
             real_time=bool(real_time),
             endurance=bool(endurance),
+            new_lab=listen == FREE_ENDPOINT,
         )
         traces = Path(trace_folder) if trace_folder is not None else None
         supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs", trace_folder=traces))
-        # What a lab can do is imported while its services are.
-        import_in_background("duralab.lab.lab")
-        supervisor.start()
+        supervisor.start(needs_later=("duralab.lab.lab", *needs_later))
         from duralab.lab.lab import Lab
 
         yield Lab(bus, out=folder, supervisor=supervisor, recordings=place)

@@ -21,7 +21,7 @@ import yaml
 
 from duralab.errors import PROCESS_LIMIT, InputError, LabError, ServiceEndedError, is_process_limit
 from duralab.processes.service_process import UNKNOWN_EXIT, ServiceProcess, start_service
-from duralab_bus import Bus, SpanKind, span
+from duralab_bus import Bus, SpanKind, import_in_background, span
 from duralab_proto.keys import MAIN_INSTANCE
 
 START_SECONDS: Final = 90.0
@@ -76,11 +76,13 @@ def lab_services(
     live_file: bool = True,
     real_time: bool = False,
     endurance: bool = False,
+    new_lab: bool = True,
 ) -> tuple[ServicePlan, ...]:
     """Return the services of a lab in the order of their start; the recorder comes last, and ends last.
 
     `specimens`: YAML files of further rigs, by the rig's name. `live_file`: Whether the recorder also writes what a
-    viewer would show. `endurance`: Whether a sequencer is among them. LabError if one of them is not installed.
+    viewer would show. `endurance`: Whether a sequencer is among them. `new_lab`: Whether the bus was opened at a free
+    port just now, so that nobody else is on it. LabError if one of them is not installed.
     """
     plans = (
         ServicePlan(
@@ -99,7 +101,13 @@ def lab_services(
         ServicePlan("iterator"),
         *((ServicePlan("sequencer", settings={"held_folder": str(recordings.resolve() / "held")}),) * endurance),
         ServicePlan(
-            "recorder", settings={"folder": str(recordings.resolve()), "viewer": viewer, "live_file": live_file}
+            "recorder",
+            settings={
+                "folder": str(recordings.resolve()),
+                "viewer": viewer,
+                "live_file": live_file,
+                "new_lab": new_lab,
+            },
         ),
     )
     require_services(*(plan.name for plan in plans))
@@ -126,18 +134,22 @@ class Supervisor:
         """Process id of each service that was started."""
         return {name: process.pid for name, process in self._processes.items()}
 
-    def start(self, *, timeout_seconds: float = START_SECONDS) -> None:
-        """Start all services and wait until every one of them is on the bus; LabError with the last lines of a log."""
+    def start(self, *, needs_later: Sequence[str] = (), timeout_seconds: float = START_SECONDS) -> None:
+        """Start all services and wait until every one of them is on the bus; LabError with the last lines of a log.
+
+        `needs_later`: Modules that this process imports while it waits.
+        """
         try:
             self._logs.mkdir(parents=True, exist_ok=True)
         except OSError as error:
             raise InputError(f"The folder {self._logs} cannot be made: {error.strerror}; give another.") from error
         with span("start the services", SpanKind.START):
-            self._start(timeout_seconds)
+            for plan in self._plans:
+                self._processes[plan.name] = self._spawn(plan)
+            import_in_background(*needs_later)
+            self._wait(timeout_seconds)
 
-    def _start(self, timeout_seconds: float) -> None:
-        for plan in self._plans:
-            self._processes[plan.name] = self._spawn(plan)
+    def _wait(self, timeout_seconds: float) -> None:
         wanted = {(plan.name, instance) for plan in self._plans for instance in plan.instances}
         deadline = time.monotonic() + timeout_seconds
         while missing := wanted - self._bus.live():

@@ -33,3 +33,5 @@ class RecorderConfig(ServiceConfig):
     viewer: Annotated[str | None, AfterValidator(_check_viewer)] = None
     # Whether <recording>.rrd is written beside <recording>.mcap: what the viewer showed.
     live_file: bool = True
+    # Whether the lab is so new that no other recorder can be on its bus: the start does not wait to hear of one.
+    new_lab: bool = False

@@ -407,7 +407,7 @@ def build(config: RecorderConfig) -> Callable[[Bus], AbstractContextManager[obje
     @contextmanager
     def serve(bus: Bus) -> Iterator[RecorderService]:
         # A second one would tell publishers to forget what only the first one knows to be of a recording.
-        if bus.discover(NAME):
+        if not config.new_lab and bus.discover(NAME):
             raise ConfigError(f"Another recorder is on the bus of lab {bus.config.lab!r}; end it first.")
         with exclusive_folder(config.folder):
             service = RecorderService(config)

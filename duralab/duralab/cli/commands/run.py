@@ -66,7 +66,6 @@ def run(
     from duralab.output_files import OUTPUTS, require_outputs
     from duralab.processes import require_shipped
     from duralab.profile import PROFILE, profiled
-    from duralab_bus import import_in_background
 
     output = Output(as_json)
     if profile and endpoint is not None:
@@ -97,10 +96,17 @@ def run(
         )
         viewer = open_viewer(stack, output) if view else None
         address = viewer.address if viewer is not None else None
-        # For the target, which is made as soon as the lab stands.
-        import_in_background("scipy.signal")
         lab = stack.enter_context(
-            open_lab(output, endpoint, rigs=plan.rigs, out=folder, viewer=address, trace_folder=traces)
+            open_lab(
+                output,
+                endpoint,
+                rigs=plan.rigs,
+                out=folder,
+                viewer=address,
+                trace_folder=traces,
+                # For the target, which is made as soon as the lab stands.
+                needs_later=("scipy.signal",),
+            )
         )
         if page:
             open_page(stack, output, lab, folder=folder, viewer=viewer)
