@@ -43,10 +43,15 @@ class Page:
         return answer["result"].get("value")
 
     def wait(self, expression: str, seconds: float = SECONDS):
-        end = time.monotonic() + seconds
-        while not self.value(f"Boolean({expression})"):
+        end, slowest = time.monotonic() + seconds, 0.0
+        while True:
+            asked = time.monotonic()
+            if self.value(f"Boolean({expression})"):
+                return
+            slowest = max(slowest, time.monotonic() - asked)
             assert time.monotonic() < end, (
-                f"{expression}; the page says: {self.value('document.body.innerText')[:3000]}"
+                f"{expression}; slowest answer of the browser {slowest:.1f} s; the page says: "
+                f"{self.value('document.body.innerText')[:3000]}"
             )
             time.sleep(0.02)
 
@@ -84,6 +89,27 @@ class Page:
                 code=also.get("code", key),
                 **{k: v for k, v in also.items() if k not in ("code",) and (kind == "keyDown" or k != "text")},
             )
+
+    def tab_and_do(self, arm: str) -> None:
+        """Do both acts by keyboard, from the field before them; the second has the focus after the first.
+
+        On a busy machine what was armed may be disarmed again before it is seen: then the first is done again.
+        """
+        self.wait(f"!document.querySelector({json.dumps(arm)}).disabled")
+        self.value("self.before = document.activeElement; 0")
+        for _ in range(3):
+            self.value("before.focus()")
+            self.key("Tab", windowsVirtualKeyCode=9)
+            self.key("Enter", text="\r", windowsVirtualKeyCode=13)
+            end = time.monotonic() + 12.0
+            while not (armed := self.value("document.activeElement.className.includes('go')")):
+                if time.monotonic() > end:
+                    break
+                time.sleep(0.02)
+            if armed:
+                break
+        self.wait("document.activeElement.className.includes('go')", 1.0)
+        self.key("Enter", text="\r", windowsVirtualKeyCode=13)
 
     def write(self, selector: str, text: str) -> None:
         self.place(selector)
