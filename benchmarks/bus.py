@@ -149,7 +149,7 @@ def _freeze(restart: Callable[[], Peer], receiver: Peer) -> tuple[Peer, float]:
 
 
 def _kill(restart: Callable[[], Peer], receiver: Peer) -> tuple[Peer, float]:
-    """Kill the receiver and start another that takes up what was not marked."""
+    """Kill the receiver and start another that resumes what was not marked."""
     receiver.end()
     return restart(), time.time()
 

@@ -84,7 +84,7 @@ def measure_campaign() -> dict[str, object]:
         began, ended, out = min(ran, key=lambda each: each[1] - each[0])
         copied = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
         spent = Profile.read(traces).shares(began, ended)
-    samples = sum(recording.signal(run)[0].samples.shape[1] for run in recording.runs)
+        samples = sum(recording.signal(run)[0].samples.shape[1] for run in recording.runs)
     rig_seconds, wall = samples / recording.rig.sample_rate, ended - began
     simulation, compute = spent[SpanKind.PLAYBACK], spent[SpanKind.MATHEMATICS]
     rest = wall - simulation - compute

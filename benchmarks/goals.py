@@ -171,8 +171,8 @@ GOALS: dict[str, tuple[Goal, ...]] = {
 }
 
 _IDENTIFICATION_NOTE = """
-The windowed transforms alone are told twice: as one would write them down, and a few blocks at a time into memory that
-is there, which is how the spectra are made; the rest is the products of 16 channels at every line. H1 is told with its
+The windowed transforms alone are reported twice: written plainly, and a few blocks at a time into existing memory; this
+is how the spectra are made; the rest is the products of 16 channels at every line. H1 is reported with its
 checks of every sample, coherence and uncertainty.
 """
 _STREAMS_NOTE = """

@@ -7,7 +7,7 @@ LOWEST, HIGHEST = 1.0, 100.0
 
 
 def rig_and_target(*, seconds: float = SECONDS, channels: int = CHANNELS) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return frequencies, FRF and target of a rig whose every channel has a mode of its own.
+    """Return frequencies, FRF and target of a rig whose every channel has its own mode.
 
     Parameters
     ----------

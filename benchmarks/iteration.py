@@ -28,7 +28,7 @@ REPETITIONS = 7
 
 
 def measure_iteration(directory: Path) -> dict[str, object]:
-    """Measure in a process of its own, with one thread on one core.
+    """Measure in a separate process, with one thread on one core.
 
     Parameters
     ----------

@@ -10,8 +10,8 @@ from goals import GOALS, NOTES
 _HEAD = """# Benchmarks
 
 Written by `make bench`, like `out/bench.json`, which holds every figure; `benchmarks/` holds what measures them. Speed
-is told as a ratio to something measured in the same run, because machines differ. A goal that is missed stays here, as
-missed.
+is reported as a ratio to something measured in the same run, because machines differ. A goal that is missed stays here,
+as missed.
 """
 
 _RIG_ROWS = {

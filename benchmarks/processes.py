@@ -1,4 +1,4 @@
-"""What a rig costs a process of its own: time until it is ready, memory while it plays. `bench.py` runs it."""
+"""What a rig costs a separate process: time until it is ready, memory while it plays. `bench.py` runs it."""
 
 import json
 import os

@@ -33,7 +33,7 @@ def record(folder: Path, *, iterations: int) -> Path:
 
 
 def write(recording: Path, report: Path) -> tuple[float, float]:
-    """Write the report in a process of its own; return its wall time and its processor time, in s."""
+    """Write the report in a separate process; return its wall time and its processor time, in s."""
     before, start = os.times(), time.perf_counter()
     subprocess.run([sys.executable, "-c", WRITE, str(recording), str(report)], check=True)
     wall, after = time.perf_counter() - start, os.times()

@@ -85,10 +85,12 @@ def relative_error(rig: PlayableRig, drive: np.ndarray) -> float | None:
     """
     if not isinstance(rig, Rig):
         return None
+    # A rig that wears has inputs for what its parts have lost: nothing, while it is new.
+    as_new = np.zeros((len(rig.model.input_names) - len(drive), drive.shape[1]))
     coarse, fine = (
         rig.compiled.play(
             rig.rest,
-            drive,
+            np.vstack([drive, as_new]),
             sample_interval=1.0 / rig.specimen.sample_rate,
             substeps=factor * rig.specimen.substeps,
             method=rig.specimen.integrator,

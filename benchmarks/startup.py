@@ -76,8 +76,8 @@ def measure_startup(*, rounds: int = ROUNDS) -> dict[str, dict[str, object]]:
 def measure_lab() -> dict[str, float]:
     """Return what passes until a rig of `duralab up` answers, and how long a campaign from the shell takes.
 
-    Cold is without compiled code on disk, warm the best of some rounds with it. A campaign is told over simulation and
-    mathematics alone, both from its own trace.
+    Cold is without compiled code on disk, warm the best of some rounds with it. A campaign is reported over simulation
+    and mathematics alone, both from its own trace.
     """
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)

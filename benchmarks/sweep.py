@@ -1,7 +1,7 @@
 """What a sweep gains by a second core, and what a task costs: `python benchmarks/sweep.py`.
 
 One core is a sweep with one worker whose processes all keep to one core; two cores are two of each. Beside wall time,
-which any neighbour spoils, the processor time of each campaign is told: neighbours change it little.
+which any neighbour spoils, the processor time of each campaign is reported: neighbours change it little.
 """
 
 from __future__ import annotations

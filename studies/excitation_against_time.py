@@ -74,7 +74,7 @@ QUICK = (
     Panel(aerospace, AEROSPACE_CASES, (15.0, 60.0), (1,), 0.0, 1024),
 )
 
-#: Error by case and by time; None where no whole experiment fits, or the drives are too alike to be told apart.
+#: Error by case and by time; None where no whole experiment fits, or the drives are too alike to be distinguished.
 Errors = dict[Case, list[float | None]]
 
 

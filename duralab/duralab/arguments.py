@@ -95,10 +95,10 @@ def _require_plain(values: object, *, what: str, field: str) -> None:
     for name in ("units", "unit"):
         if hasattr(values, name):
             unit = getattr(values, name)
-            told = f"the unit {unit}" if np.ndim(unit) == 0 else "units"
+            carried = f"the unit {unit}" if np.ndim(unit) == 0 else "units"
             raise InputError(
-                f"{what} carries {told}, which is read of named channels only; give `Signals` or an xarray with names "
-                "and units, or plain numbers in the rig's units.",
+                f"{what} carries {carried}, which is read of named channels only; give `Signals` or an xarray with "
+                "names and units, or plain numbers in the rig's units.",
                 field=field,
             )
 

@@ -88,6 +88,6 @@ def ended(sentence: str) -> str:
 def is_process_limit(error: BaseException | str) -> bool:
     """Return whether an error, or the text of one in a log, means that no further process or thread may start."""
     if isinstance(error, OSError):
-        # A full pipe that does not block is EAGAIN as well, with a text of its own.
+        # A full pipe that does not block is EAGAIN as well, with its own text.
         return error.errno == errno.EAGAIN and error.strerror == os.strerror(errno.EAGAIN) and error.filename is None
     return any(part in str(error) for part in _NO_THREAD)

@@ -13,7 +13,7 @@ NOBODY = object()
 
 
 def play(seed):
-    options = {"run": None, "real_time": False, "tell": NOBODY, "deadline": NOBODY}
+    options = {"run": None, "real_time": False, "on_progress": NOBODY, "deadline": NOBODY}
     play_drive(NOBODY, RIG, np.zeros((2, 10)), seed=seed, **options)
 
 
@@ -33,7 +33,7 @@ def test_a_seed_out_of_range(ask, seed):
 
 @pytest.mark.parametrize("number", [-1, 2**32])
 def test_a_playback_to_build_on_out_of_range(number):
-    options = dict.fromkeys(("settings", "describe", "folder", "place", "replace", "tell", "deadline"), None)
+    options = dict.fromkeys(("settings", "describe", "folder", "place", "replace", "on_progress", "deadline"), None)
     with pytest.raises(
         InputError, match=f"^from_iteration is {number}; give the number of a playback from 1"
     ) as caught:

@@ -31,7 +31,7 @@ class Gateway:
 
 
 def play(response, run=""):
-    options = {"run": "mine", "seed": 1, "real_time": False, "tell": print, "deadline": None}
+    options = {"run": "mine", "seed": 1, "real_time": False, "on_progress": print, "deadline": None}
     return play_drive(Gateway(response, run), WITH_RESPONSES, np.zeros((2, 10)), **options)
 
 

@@ -53,7 +53,7 @@ def test_a_name_of_no_file_is_refused(tmp_path, monkeypatch, name):
 def test_a_foreign_file_is_refused_in_one_sentence_with_one_full_stop(tmp_path):
     path = foreign(tmp_path / "lidar.mcap")
     with pytest.raises(InputError) as caught:
-        rebuilt_view(path, tmp_path / "live.rrd", tell=print)
+        rebuilt_view(path, tmp_path / "live.rrd", report=print)
     assert str(caught.value) == f"The live view of {path} cannot be made: it holds no message that has a picture."
 
 
@@ -61,7 +61,7 @@ def test_a_recording_under_another_name_is_made_a_view_of(tmp_path):
     campaign = synthetic_campaign.make(seconds=2.0, iterations=1)
     path = synthetic_campaign.write(tmp_path / "kept.log", synthetic_campaign.steps(campaign))
     assert is_recording(path)
-    assert rebuilt_view(path, tmp_path / "live.rrd", tell=print).read_bytes().startswith(b"RRF")
+    assert rebuilt_view(path, tmp_path / "live.rrd", report=print).read_bytes().startswith(b"RRF")
 
 
 def test_a_folder_is_called_one(tmp_path):
@@ -79,6 +79,6 @@ def test_a_recording_that_was_cut_before_its_first_message_has_no_view(tmp_path)
     path.write_bytes(content[: header + 9 + 2])
     told = []
     with pytest.raises(InputError) as caught:
-        rebuilt_view(path, tmp_path / "live.rrd", tell=told.append)
+        rebuilt_view(path, tmp_path / "live.rrd", report=told.append)
     assert str(caught.value) == f"The live view of {path} cannot be made: it holds no message that has a picture."
     assert told == [f"{path} was never finished; it is shown as far as it is whole."]

@@ -31,6 +31,6 @@ def with_titles(markdown: str) -> str:
 
 
 def _titled(match: re.Match[str]) -> str:
-    told = [title.format(found[1]) for pattern, title in _TITLES if (found := pattern.search(match["told"]))]
-    title = f' title="{"; ".join(told)}"' if told else ""
+    titles = [title.format(found[1]) for pattern, title in _TITLES if (found := pattern.search(match["told"]))]
+    title = f' title="{"; ".join(titles)}"' if titles else ""
     return f"{match['fence']}{match['language']}{title}"

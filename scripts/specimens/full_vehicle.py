@@ -2,7 +2,7 @@
 
 `python scripts/specimens/full_vehicle.py` writes the shipped one again. The body heaves, pitches and rolls about its
 centre of mass, which stays above one place of the road: the car rolls straight ahead at the speed of its drives, and
-what would push it sideways or slow it down is taken up there.
+what would push it sideways or slow it down is carried there.
 """
 
 from __future__ import annotations

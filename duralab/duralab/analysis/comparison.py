@@ -211,11 +211,11 @@ class Comparison:
         verdicts = "\n".join(f"{entry.name}: {entry.verdict.sentence}" for entry in self.recordings)
         errors = text_table(("", *self.names), self._error_rows(), left=1)
         spent = text_table(("", *self.names), self._damage_rows(), left=1)
-        told = "\n\n".join((verdicts, f"{_ERRORS}\n{errors}", f"{_SPENT}\n{spent}"))
+        text = "\n\n".join((verdicts, f"{_ERRORS}\n{errors}", f"{_SPENT}\n{spent}"))
         if self.differences:
             lines = "\n".join(f"{row.setting}: {'; '.join(row.values)}" for row in self.differences)
-            told += f"\n\nsettings that differ\n{lines}"
-        return told
+            text += f"\n\nsettings that differ\n{lines}"
+        return text
 
     def _repr_html_(self) -> str:
         from duralab.display import html_table

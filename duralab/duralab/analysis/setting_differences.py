@@ -31,7 +31,7 @@ class SettingDifference:
     """A setting that is not the same in all recordings.
 
     `setting`: Where it stands, e.g. "update.iteration_gain"; "target" is the samples that were to be reproduced.
-    `values`: One for each recording, in words; a dash where it has none.
+    `values`: One for each recording, as text; a dash where it has none.
     """
 
     setting: str

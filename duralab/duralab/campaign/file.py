@@ -174,7 +174,7 @@ class Campaign(PlaybackSettings, Sections):
 
     @property
     def rigs(self) -> tuple[str, ...]:
-        """The rigs it needs: its own and, where a road is driven, the vehicle's."""
+        """Rigs that the campaign needs: its own and, for a target driven over a road, the vehicle's."""
         return tuple(dict.fromkeys(name for name in (self.rig, self.target.vehicle) if name is not None))
 
     @property

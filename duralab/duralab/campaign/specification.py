@@ -100,7 +100,7 @@ def acceptance_message(accept: Acceptance) -> iterator_pb2.Acceptance:
 
 
 def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -> identifier_pb2.Excitation:
-    """Put the excitation into the words of the contract.
+    """Convert the excitation to its message.
 
     `excitation`: What the user wrote. `rig`: The rig that is identified. `seed`: Of what is random in it.
     Returns: The settings as the identifier takes them.

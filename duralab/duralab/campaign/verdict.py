@@ -239,7 +239,7 @@ def judge(
     """Judge a campaign by its best playback.
 
     `table`: The figures of its playbacks; `table.best` is the one judged. `specification`: What was asked for; see
-    `limits_of`. `status`: How it ended; None where it did not. `open_end`: Why its recording may go on elsewhere, in
+    `limits_of`. `status`: How it ended; None where it did not. `open_end`: Why its recording may continue elsewhere, in
     words; empty where it does not.
     Returns: Judgement, its sentence and the figures beside their limits.
     """
@@ -269,31 +269,31 @@ def _judged(
     failed = [finding for finding in findings if not finding.accepted]
     best = f"playback {table.numbers[table.best]} (best of {len(table)})"
     if not whole:
-        told = f"after {best}, the whole target was not played; this was {table.level[table.best]:g} of it"
+        summary = f"after {best}, the whole target was not played; this was {table.level[table.best]:g} of it"
     elif failed:
-        told = f"after {best}, {_failures(failed, limits)}"
+        summary = f"after {best}, {_failures(failed, limits)}"
     else:
-        told = f"after {best}, every channel is within its limits: {_worst_of_each(findings, limits)}"
-    told += f".{_not_judged(table, limits) if whole else ''}"
+        summary = f"after {best}, every channel is within its limits: {_worst_of_each(findings, limits)}"
+    summary += f".{_not_judged(table, limits) if whole else ''}"
     end = _ENDS.get(status.outcome, "")
     if status.outcome == iterator_pb2.OUTCOME_BOUND_PASSED:
         sentence = (
             f"The campaign ended early: playback {table.numbers[-1]} passed a bound of error, peak or damage, which a "
-            f"remark names. {told[0].upper()}{told[1:]}"
+            f"remark names. {summary[0].upper()}{summary[1:]}"
         )
         return Verdict(Judgement.ENDED_EARLY, sentence, limits, findings)
     if status.outcome == iterator_pb2.OUTCOME_DIVERGED:
         worst = int(np.argmax(table.judged_error[-1]))
         sentence = (
             f"The iteration diverged: in playback {table.numbers[-1]} the largest relative RMS error is "
-            f"{table.judged_error[-1, worst]:.3f} ({_words(table.judged[worst])}). {told[0].upper()}{told[1:]}"
+            f"{table.judged_error[-1, worst]:.3f} ({_words(table.judged[worst])}). {summary[0].upper()}{summary[1:]}"
         )
         return Verdict(Judgement.DIVERGED, sentence, limits, findings)
     if failed or not whole:
-        return Verdict(Judgement.NOT_REACHED, f"The target was not reached: {told}{end}", limits, findings)
+        return Verdict(Judgement.NOT_REACHED, f"The target was not reached: {summary}{end}", limits, findings)
     if status.outcome == iterator_pb2.OUTCOME_ITERATIONS_USED:
         end = _ALL_USED
-    return Verdict(Judgement.REACHED, f"The target was reached: {told}{end}", limits, findings)
+    return Verdict(Judgement.REACHED, f"The target was reached: {summary}{end}", limits, findings)
 
 
 def _figures(table: IterationTable, limits: Limits) -> dict[Criterion, np.ndarray]:
@@ -363,7 +363,7 @@ def _not_judged(table: IterationTable, limits: Limits) -> str:
 
 
 def compare_with_first(table: IterationTable) -> str:
-    """Return in words how the best playback compares with the first, channel by channel.
+    """Return as text how the best playback compares with the first, channel by channel.
 
     `table`: Figures of one playback or more.
     Returns: One or more sentences.
@@ -389,11 +389,11 @@ def repeatability_in_words(status: iterator_pb2.CampaignStatus) -> str:
     Returns: One sentence, or an empty string.
     """
     watched = {channel.channel for channel in status.iterations[-1].channels if channel.watched}
-    told = [channel for channel in status.repeatability.channels if channel.channel not in watched]
-    if not told:
+    reported = [channel for channel in status.repeatability.channels if channel.channel not in watched]
+    if not reported:
         return ""
     repeated = f"{status.repeatability.playbacks} playbacks of the drive of playback {status.repeatability.iteration}"
-    noisy = [channel for channel in told if channel.noise_floor > 0.0]
+    noisy = [channel for channel in reported if channel.noise_floor > 0.0]
     if not noisy:
         return f"The rig repeats {repeated} exactly."
     worst = max(noisy, key=lambda channel: channel.relative_rms_error / channel.noise_floor)

@@ -38,7 +38,7 @@ MEANINGS: Final = {
     ExitCode.INTERRUPTED: "interrupted",
     ExitCode.TERMINATED: "terminated",
 }
-"""What each means, in words."""
+"""Meaning of each exit code."""
 
 
 _NOTHING_STARTED: Final = f"A process or thread of this command could not be started: {PROCESS_LIMIT}."
@@ -90,7 +90,7 @@ def ended_well(*, as_json: bool = False) -> Iterator[None]:
     signal.signal(signal.SIGTERM, _on_termination)
     # A script that starts a command with & makes it deaf to SIGINT; who sends one to a lab means it.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    # `nohup` asks to go on after the terminal is closed.
+    # `nohup` asks to continue after the terminal is closed.
     if sys.platform != "win32" and signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN:
         signal.signal(signal.SIGHUP, _on_termination)
     try:

@@ -130,7 +130,7 @@ class RunDisplay:
 
 
 def remaining_words(seconds: float) -> str:
-    """Return a remaining time in words, e.g. "2:05 left"; nothing where it is unknown."""
+    """Return a remaining time as text, e.g. "2:05 left"; nothing where it is unknown."""
     if seconds < 0:
         return ""
     minutes, rest = divmod(round(seconds), 60)

@@ -30,20 +30,25 @@ def check_is_live(bench: Bench) -> None:
 
 def check_figures(bench: Bench) -> None:
     """Check that name, rate, lengths, statics and hash are there and make sense."""
-    told = bench.description
-    expect(told.rig == bench.rig, f"the description is of {told.rig!r}; asked was {bench.rig!r}.")
+    description = bench.description
+    expect(description.rig == bench.rig, f"the description is of {description.rig!r}; asked was {bench.rig!r}.")
     for field in ("specimen", "engine", "version"):
-        expect(bool(getattr(told, field)), f"{field} is empty; say what it is.")
-    for field, value in (("sample_rate", told.sample_rate), ("longest_drive_seconds", told.longest_drive_seconds)):
+        expect(bool(getattr(description, field)), f"{field} is empty; say what it is.")
+    for field, value in (
+        ("sample_rate", description.sample_rate),
+        ("longest_drive_seconds", description.longest_drive_seconds),
+    ):
         expect(np.isfinite(value) and value > 0.0, f"{field} is {value:g}; it must be above 0.")
-    expect(told.block_samples > 0, "block_samples is 0; say how many samples a full signal block has.")
+    expect(description.block_samples > 0, "block_samples is 0; say how many samples a full signal block has.")
     expect(
-        re.fullmatch(r"[0-9a-f]{64}", told.content_hash) is not None,
-        f"content_hash is {told.content_hash!r}; it must be a SHA-256 in hexadecimal.",
+        re.fullmatch(r"[0-9a-f]{64}", description.content_hash) is not None,
+        f"content_hash is {description.content_hash!r}; it must be a SHA-256 in hexadecimal.",
     )
-    expect(len(set(told.bodies)) == len(told.bodies), "two bodies of the pose stream have one name.")
+    expect(len(set(description.bodies)) == len(description.bodies), "two bodies of the pose stream have one name.")
     try:
-        from_array(told.static_response, field="static_response", shape=(len(told.responses),), dtype=np.float64)
+        from_array(
+            description.static_response, field="static_response", shape=(len(description.responses),), dtype=np.float64
+        )
     except ArrayError as error:
         expect(False, f"{str(error).rstrip('.')}; it must hold one finite value for each response.")
 

@@ -56,8 +56,8 @@ class PlayChecks:
 
     def check_plays(self) -> None:
         """Check that it plays a gentle drive and answers with as many finite response samples."""
-        bench, told = self._bench, self._bench.description
-        self._drive = gentle_drive(told, bench.seconds)
+        bench, description = self._bench, self._bench.description
+        self._drive = gentle_drive(description, bench.seconds)
         heard = time.monotonic()
 
         def on_progress(progress: query_pb2.Progress) -> None:
@@ -78,16 +78,19 @@ class PlayChecks:
         channels, rate, response = from_record(result.response, field="response")
         names = [channel.name for channel in channels]
         expect(
-            names == [channel.name for channel in told.responses],
+            names == [channel.name for channel in description.responses],
             f"the response has the channels {', '.join(names)}; the description has others, or another order.",
         )
-        expect(rate == told.sample_rate, f"the response is at {rate:g} Hz; the description says {told.sample_rate:g}.")
+        expect(
+            rate == description.sample_rate,
+            f"the response is at {rate:g} Hz; the description says {description.sample_rate:g}.",
+        )
         expect(
             response.shape[1] == self._drive.shape[1],
             f"the response has {response.shape[1]} samples; the drive had {self._drive.shape[1]}.",
         )
         expect(
-            [use.drive for use in result.actuators] == [channel.name for channel in told.drives],
+            [use.drive for use in result.actuators] == [channel.name for channel in description.drives],
             "the result does not tell the use of every actuator, in the order of the drives.",
         )
         expect(result.real_time_factor > 0.0, f"real_time_factor is {result.real_time_factor:g}; it is above 0.")
@@ -151,13 +154,13 @@ class PlayChecks:
         bench = self._bench
         playing, idle = (rig_pb2.RIG_MODE_PLAYING, self._run), (rig_pb2.RIG_MODE_IDLE, "")
 
-        def told() -> bool:
+        def went_idle() -> bool:
             modes = bench.modes()
             return playing in modes and idle in modes[modes.index(playing) :]
 
-        bench.wait(told)
+        bench.wait(went_idle)
         expect(playing in bench.modes(), "the state stream never said that it plays the run.")
-        expect(told(), "the state stream never said that it is idle again after the run.")
+        expect(went_idle(), "the state stream never said that it is idle again after the run.")
 
     def check_poses(self) -> None:
         """Check that the pose stream has all bodies, unit quaternions, and no more than 60 poses a second."""
@@ -196,7 +199,7 @@ class PlayChecks:
 def check_signal(bench: Bench, run: str, *, epoch: int | None) -> None:
     """Check the blocks of a run that has ended, whatever was played."""
     items = bench.blocks_of(run)
-    told = bench.description
+    description = bench.description
     expect(bool(items), "no signal block came.")
     expect(items[0].seq == 0, f"the first signal block has the number {items[0].seq}; numbers of a run begin at 0.")
     check_numbering(items, "signal stream")
@@ -211,19 +214,19 @@ def check_signal(bench: Bench, run: str, *, epoch: int | None) -> None:
             f"a signal block begins at sample {block.first_sample}; {due} is due, without a gap.",
         )
         expect(
-            block.sample_rate == told.sample_rate,
-            f"a signal block is at {block.sample_rate:g} Hz; the description says {told.sample_rate:g}.",
+            block.sample_rate == description.sample_rate,
+            f"a signal block is at {block.sample_rate:g} Hz; the description says {description.sample_rate:g}.",
         )
-        drive = from_array(block.drive, field="drive", shape=(len(told.drives), None))
-        response = from_array(block.response, field="response", shape=(len(told.responses), None))
+        drive = from_array(block.drive, field="drive", shape=(len(description.drives), None))
+        response = from_array(block.response, field="response", shape=(len(description.responses), None))
         samples = drive.shape[1]
         expect(
             response.shape[1] == samples,
             f"a signal block has {samples} samples of the drive and {response.shape[1]} of the response.",
         )
         expect(
-            0 < samples <= told.block_samples,
-            f"a signal block has {samples} samples; the description says {told.block_samples} at most.",
+            0 < samples <= description.block_samples,
+            f"a signal block has {samples} samples; the description says {description.block_samples} at most.",
         )
         due += samples
     marks = [item.message.last for item in items]

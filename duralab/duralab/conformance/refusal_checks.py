@@ -96,10 +96,10 @@ class RefusalChecks:
 
     def checks(self) -> dict[str, Callable[[], None]]:
         """Return the check of each bad request, by name, in the order in which they are tried."""
-        told = self._bench.description
+        description = self._bench.description
         return {
             "refuse.sample_rate": lambda: self._refused(
-                why="a drive at twice the sample rate", sample_rate=2.0 * told.sample_rate
+                why="a drive at twice the sample rate", sample_rate=2.0 * description.sample_rate
             ),
             "refuse.channel_count": self._check_count,
             "refuse.channel_order": self._check_order,

@@ -25,7 +25,7 @@ _WHOLE = 0.9
 
 
 class StopChecks:
-    """One playback that is stopped, or goes on to its end where the description says that it cannot be."""
+    """One playback that is stopped, or continues to its end where the description says that it cannot be."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -124,20 +124,20 @@ class StopChecks:
     def check_ramps_down(self) -> None:
         """Check that the blocks are whole, and bring all drives to zero without a jump."""
         self._need()
-        bench, told = self._bench, self._bench.description
+        bench, description = self._bench, self._bench.description
         modes = bench.modes()
         if (rig_pb2.RIG_MODE_WAITING, self._run) in modes and (rig_pb2.RIG_MODE_PLAYING, self._run) not in modes:
             raise NotTriedError("the run was stopped while it waited for its controller: nothing moved here.")
         bench.wait(lambda: any(item.message.last for item in bench.blocks_of(self._run)), REPAIR_SECONDS)
         check_signal(bench, self._run, epoch=None)
         drive = np.hstack([from_array(item.message.drive) for item in bench.blocks_of(self._run)])
-        for channel, row in zip(told.drives, drive, strict=True):
+        for channel, row in zip(description.drives, drive, strict=True):
             size = max(channel.maximum, -channel.minimum)
             expect(
                 abs(row[-1]) <= _AT_ZERO * size,
                 f"after the stop drive {channel.name!r} is left at {row[-1]:.4g} {channel.unit}; it must ramp to 0.",
             )
-            fastest = float(np.max(np.abs(np.diff(row, prepend=0.0)))) * told.sample_rate
+            fastest = float(np.max(np.abs(np.diff(row, prepend=0.0)))) * description.sample_rate
             expect(
                 channel.slew_limit == 0.0 or fastest <= channel.slew_limit,
                 f"after the stop drive {channel.name!r} moves at {fastest:.4g} {channel.unit}/s; "
@@ -149,14 +149,14 @@ class StopChecks:
         self._need()
         bench = self._bench
 
-        def told() -> bool:
+        def interlocked() -> bool:
             return any(
                 item.message.mode == rig_pb2.RIG_MODE_INTERLOCKED and item.message.reason == REASON
                 for item in list(bench.states)
             )
 
-        bench.wait(told)
-        expect(told(), "the state stream never said that it is interlocked, with the reason.")
+        bench.wait(interlocked)
+        expect(interlocked(), "the state stream never said that it is interlocked, with the reason.")
         state = bench.state()
         expect(
             state.mode == rig_pb2.RIG_MODE_INTERLOCKED,
@@ -187,13 +187,13 @@ class StopChecks:
         )
         latched = (rig_pb2.RIG_MODE_INTERLOCKED, "")
 
-        def told() -> bool:
+        def idle() -> bool:
             modes = bench.modes()
             after = len(modes) - modes[::-1].index(latched) if latched in modes else 0
             return (rig_pb2.RIG_MODE_IDLE, "") in modes[after:]
 
-        bench.wait(told)
-        expect(told(), "the state stream never said that it is idle after the reset.")
+        bench.wait(idle)
+        expect(idle(), "the state stream never said that it is idle after the reset.")
         bench.play(bench.new_run(), np.zeros((len(bench.description.drives), 10)))
 
     def clean_up(self) -> None:

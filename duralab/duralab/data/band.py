@@ -37,7 +37,7 @@ class BandNote:
 
     @property
     def attributes(self) -> dict[str, str | float]:
-        """What labelled arrays say of themselves in their attributes; the edges are those of in-band signals only."""
+        """Attributes of labelled arrays; only in-band signals have the edges of the band."""
         edges = {"lowest_frequency": self.lowest_frequency, "highest_frequency": self.highest_frequency}
         return {
             "quantity": self.quantity,

@@ -99,7 +99,7 @@ class RigState:
         return f"The run {self.run!r} cannot be stopped and goes on to its end." if self.goes_on else ""
 
     def __str__(self) -> str:
-        """Return the state in words."""
+        """Return the state as text."""
         run = f" {self.run} ({self.fraction:.0%})" if self.run else ""
         reason = f": {self.why}" if self.why else ""
         return f"{self.rig} is {self.mode}{run}{reason}"

@@ -1,4 +1,4 @@
-"""What a step from a source to the target did, in figures, in words, and in the words of the contract."""
+"""What a step from a source to the target did, in figures, as text, and in the words of the contract."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class SourceRecord:
         return self.stated_unit or self.source_unit
 
     def __str__(self) -> str:
-        """Return it in words, e.g. "FZ_FL in kN × -1000 (sign turned), peak 4.2 became 4200"."""
+        """Return a description as text, e.g. "FZ_FL in kN × -1000 (sign turned), peak 4.2 became 4200"."""
         if self.factor is None:
             return "silent, the file has no channel for it"
         unit = f"{self.unit} (stated{f', the file says {self.source_unit}' if self.source_unit else ''})"
@@ -101,7 +101,7 @@ class StepRecord:
 
     @property
     def finding(self) -> str:
-        """What it did, in words, e.g. "60 s became 12.5 s; energy removed: 1.2 to 8 %"."""
+        """What it did, as text, e.g. "60 s became 12.5 s; energy removed: 1.2 to 8 %"."""
         read = [f"{channel.channel}: {channel.source}" for channel in self.channels if channel.source is not None]
         if read:
             return "; ".join(read)

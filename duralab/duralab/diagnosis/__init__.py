@@ -1,4 +1,4 @@
-"""What would keep a lab from working on this machine, and what to do about it."""
+"""Diagnosis of this machine: problems that keep a lab from working, each with its remedy."""
 
 from duralab.diagnosis.checks import Finding, Severity, examine
 

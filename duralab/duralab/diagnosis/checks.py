@@ -348,7 +348,7 @@ def check_viewer(program: Path | None) -> Finding:
 
 
 def check_graphics(*, system: str, display: bool, library: str | None, drivers: list[Path]) -> Finding:
-    """Judge whether the viewer can draw in a window of its own."""
+    """Judge whether the viewer can draw in its own window."""
     if system in ("darwin", "win32"):
         return fine("graphics", "the system's own driver")
     if not display:

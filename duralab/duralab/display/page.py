@@ -1,4 +1,4 @@
-"""Results as a page of their own, outside of a notebook."""
+"""Results as their own page, outside of a notebook."""
 
 from __future__ import annotations
 

@@ -87,6 +87,6 @@ class Written:
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        """Return it in words."""
+        """Return a description as text."""
         padding = f", {self.padding} zeros appended" if self.padding else ""
         return "\n- ".join((f"{self.path}: {self.samples} samples as {self.format}{padding}", *self.notes))

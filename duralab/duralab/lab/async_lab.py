@@ -1,4 +1,4 @@
-"""The lab for `async` code: what `Lab` does, in threads of its own; cancelling a task stops what it asked for."""
+"""The lab for `async` code: what `Lab` does, in its own threads; cancelling a task stops what it asked for."""
 
 from __future__ import annotations
 
@@ -224,7 +224,7 @@ class AsyncWatch(AsyncIterator[LabEvent]):
         try:
             event = await asyncio.get_running_loop().run_in_executor(self._threads, lambda: next(self._watch, None))
         except asyncio.CancelledError:
-            # The thread that waits is let go of; closing takes a moment, which is not the event loop's.
+            # The thread that waits is released; closing takes a moment, which is not the event loop's.
             self._threads.submit(self._watch.close)
             raise
         if event is None:

@@ -46,7 +46,7 @@ def followed(
     id: str,
     *,
     begin: Callable[[], iterator_pb2.CampaignStatus],
-    tell: OnProgress,
+    on_progress: OnProgress,
     recovery: Recovery,
     deadline: Deadline = FOREVER,
 ) -> iterator_pb2.CampaignStatus:
@@ -71,7 +71,7 @@ def followed(
                     played = bool(status.iterations)
                     if (failure := ask.failure()) is not None:
                         raise failure
-                    tell(progress_of(status))
+                    on_progress(progress_of(status))
                     if status.phase in ENDED:
                         return status
                     if deadline.is_set():
@@ -84,18 +84,18 @@ def followed(
         except FaultError as fault:
             error = ask.explained(fault)
             # What was refused has left nothing behind.
-            raise (recovery.told(error, played=played) if begun else error) from fault
+            raise (recovery.annotated(error, played=played) if begun else error) from fault
         except LabError as error:
             ended_itself = isinstance(error, ServiceEndedError)
             stopped(str(error), silence_seconds=_STOP_SILENCE_SECONDS if ended_itself else SILENCE_SECONDS)
-            raise recovery.told(error, played=played) from error
+            raise recovery.annotated(error, played=played) from error
     except KeyboardInterrupt as interrupt:
         try:
             # Whoever interrupts does not want to wait for a service that is gone.
             stopped("interrupted by the user", silence_seconds=_STOP_SILENCE_SECONDS)
-            recovery.told(interrupt, played=played)
+            recovery.annotated(interrupt, played=played)
         except KeyboardInterrupt as again:
-            recovery.told(again, played=played, fetch=False)
+            recovery.annotated(again, played=played, fetch=False)
             raise
         raise
 
@@ -127,15 +127,15 @@ def collect(
             field=status.fault.field,
             service=status.fault.service,
         )
-        raise recovery.told(error, played=bool(status.iterations))
+        raise recovery.annotated(error, played=bool(status.iterations))
     try:
         result = fetch_result(ask.bus, specification, status, folder=folder)
     except FaultError as fault:
-        raise recovery.told(ask.explained(fault), played=True, fetch=False) from fault
+        raise recovery.annotated(ask.explained(fault), played=True, fetch=False) from fault
     except LabError as error:
-        raise recovery.told(error, played=True, fetch=False) from error
+        raise recovery.annotated(error, played=True, fetch=False) from error
     except KeyboardInterrupt as interrupt:
-        recovery.told(interrupt, played=True, fetch=False)
+        recovery.annotated(interrupt, played=True, fetch=False)
         raise
     recovery.place.fetched.add(specification.id)
     return result
@@ -216,7 +216,7 @@ def resume_campaign(
     folder: Callable[[str], Path],
     place: RecordingsPlace,
     replace: bool,
-    tell: OnProgress,
+    on_progress: OnProgress,
     deadline: Deadline,
 ) -> CampaignResult:
     """Resume a campaign and collect what it leaves in its `folder`; see `Lab.resume`."""
@@ -242,7 +242,7 @@ def resume_campaign(
     def resumed(name: str) -> iterator_pb2.CampaignStatus:
         require_outputs([folder(name) / file for file in OUTPUTS], replace=replace)
         request.new_id = name if name != id else ""
-        return followed(ask, name, begin=begin, tell=tell, recovery=recovery(name), deadline=deadline)
+        return followed(ask, name, begin=begin, on_progress=on_progress, recovery=recovery(name), deadline=deadline)
 
     def recovery(name: str) -> Recovery:
         return Recovery(ask, name, folder(name), place)
@@ -252,7 +252,7 @@ def resume_campaign(
         try:
             status = resumed(name)
         except LabError as error:
-            # A recording that is closed for good can be taken up by a new campaign only.
+            # A recording that is closed for good can be resumed by a new campaign only.
             if error.field != "new_id":
                 raise
     if status is None:
@@ -269,7 +269,7 @@ def resume_campaign(
 
 
 def _parent(ask: LabClient, id: str, *, from_iteration: int) -> iterator_pb2.CampaignSpec:
-    """Check what is to be built on, and return what its campaign does there: with what was changed at hold points."""
+    """Check the parent recording; return its specification with the changes made at hold points."""
     if not (whole_number(from_iteration) and 0 <= from_iteration < 2**32):
         raise InputError(
             f"from_iteration is {from_iteration!r}; give the number of a playback from 1 to 2^32 - 1, or 0 for the "
@@ -289,7 +289,7 @@ def _parent(ask: LabClient, id: str, *, from_iteration: int) -> iterator_pb2.Cam
             playbacks += step.message_type == iterator_pb2.IterationStep.DESCRIPTOR.full_name
         first, total = first + len(answer.steps), answer.total if answer.steps else 0
     kept = from_iteration or playbacks
-    # As the iterator does: what was changed for the next playback counts where the campaign goes on there.
+    # As the iterator does: what was changed for the next playback counts where the campaign continues there.
     in_force = decisions_in_force(decisions, proposals)
     changed = (each for each in in_force if each.playback <= kept + (kept == playbacks))
     return revised_specification(specification, *changed)
@@ -298,7 +298,7 @@ def _parent(ask: LabClient, id: str, *, from_iteration: int) -> iterator_pb2.Cam
 def _as_resumed(
     parent: iterator_pb2.CampaignSpec, name: str, request: iterator_pb2.ResumeCampaignRequest, *, own_settings: bool
 ) -> iterator_pb2.CampaignSpec:
-    """Return what the resumed campaign does: what its parent did, with what the request puts in its place."""
+    """Return the specification of the resumed campaign: its parent's, with the values that the request replaces."""
     specification = iterator_pb2.CampaignSpec()
     specification.CopyFrom(parent)
     specification.id = name

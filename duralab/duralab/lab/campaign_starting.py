@@ -41,7 +41,7 @@ class MadeTarget:
 
 
 def run_campaign(
-    lab: StartingLab, plan: Campaign, *, folder: Callable[[str], Path], tell: OnProgress, deadline: Deadline
+    lab: StartingLab, plan: Campaign, *, folder: Callable[[str], Path], on_progress: OnProgress, deadline: Deadline
 ) -> CampaignResult:
     """Run a campaign to its end, on a section of its target first where it asks for that; see `Lab.run`.
 
@@ -51,11 +51,11 @@ def run_campaign(
     out = folder(id)
     of_section = section_campaign(plan)
     if of_section is None:
-        return run_one(lab, plan, id=id, folder=out, tell=tell, deadline=deadline)
+        return run_one(lab, plan, id=id, folder=out, on_progress=on_progress, deadline=deadline)
     name = free_id(lab.ask, of_section.name)
-    before = run_one(lab, of_section, id=name, folder=out / "section", tell=tell, deadline=deadline)
+    before = run_one(lab, of_section, id=name, folder=out / "section", on_progress=on_progress, deadline=deadline)
     whole = after_section(plan, before)
-    return run_one(lab, whole, id=id, folder=out, tell=tell, deadline=deadline, after=before)
+    return run_one(lab, whole, id=id, folder=out, on_progress=on_progress, deadline=deadline, after=before)
 
 
 def run_one(
@@ -64,23 +64,23 @@ def run_one(
     *,
     id: str,
     folder: Path,
-    tell: OnProgress,
+    on_progress: OnProgress,
     deadline: Deadline,
     target: MadeTarget | None = None,
     after: CampaignResult | None = None,
 ) -> CampaignResult:
     """Run one campaign to its end under an id that is free; `target` and `after` as for `specified`."""
-    specification = specified(lab, plan, id=id, tell=tell, deadline=deadline, target=target, after=after)
+    specification = specified(lab, plan, id=id, on_progress=on_progress, deadline=deadline, target=target, after=after)
 
     def begin() -> iterator_pb2.CampaignStatus:
         return begun(lab, specification)
 
     recovery = Recovery(lab.ask, id, folder, lab.place)
-    status = followed(lab.ask, id, begin=begin, tell=tell, recovery=recovery, deadline=deadline)
+    status = followed(lab.ask, id, begin=begin, on_progress=on_progress, recovery=recovery, deadline=deadline)
     return collect(lab.ask, specification, status, folder=folder, recovery=recovery)
 
 
-def begin_campaign(lab: StartingLab, plan: Campaign, *, tell: OnProgress, deadline: Deadline) -> str:
+def begin_campaign(lab: StartingLab, plan: Campaign, *, on_progress: OnProgress, deadline: Deadline) -> str:
     """Begin a campaign and return its id; see `Lab.begin`."""
     if plan.start_from is not None and plan.start_from.section is not None:
         raise InputError(
@@ -89,7 +89,7 @@ def begin_campaign(lab: StartingLab, plan: Campaign, *, tell: OnProgress, deadli
             field="start_from.section",
         )
     id = free_id(lab.ask, plan.name)
-    specification = specified(lab, plan, id=id, tell=tell, deadline=deadline)
+    specification = specified(lab, plan, id=id, on_progress=on_progress, deadline=deadline)
     if deadline.is_set():
         raise deadline.error(f"The campaign {id!r}")
     try:
@@ -109,7 +109,7 @@ def specified(
     plan: Campaign,
     *,
     id: str,
-    tell: OnProgress,
+    on_progress: OnProgress,
     deadline: Deadline,
     target: MadeTarget | None = None,
     after: CampaignResult | None = None,
@@ -118,13 +118,13 @@ def specified(
 
     `target`: Made before; made now where not given. `after`: Campaign on the section that was iterated first.
     """
-    tell(RunProgress(Stage.TARGET, "asking the rigs", 0.0, -1.0))
+    on_progress(RunProgress(Stage.TARGET, "asking the rigs", 0.0, -1.0))
     rig = lab.describe(plan.rig)
     for sentence in rig.overdue:
-        tell(RunProgress(Stage.TARGET, sentence, 0.0, -1.0))
+        on_progress(RunProgress(Stage.TARGET, sentence, 0.0, -1.0))
     check_against_rig(plan, rig)
-    made = target or made_target(lab, plan, rig=rig, id=id, tell=tell, deadline=deadline)
-    tell(RunProgress(Stage.TARGET, "target made", 1.0, 0.0))
+    made = target or made_target(lab, plan, rig=rig, id=id, on_progress=on_progress, deadline=deadline)
+    on_progress(RunProgress(Stage.TARGET, "target made", 1.0, 0.0))
     specification = build_specification(
         plan, id=id, rig=rig, target=made.edited.signals, source=describe_target(plan.target)
     )
@@ -144,19 +144,19 @@ def specified(
 
 
 def made_target(
-    lab: StartingLab, plan: Campaign, *, rig: Rig, id: str, tell: OnProgress, deadline: Deadline
+    lab: StartingLab, plan: Campaign, *, rig: Rig, id: str, on_progress: OnProgress, deadline: Deadline
 ) -> MadeTarget:
     """Make the target of a campaign; a road is driven on the vehicle's rig in a run named after `id`."""
     vehicle = lab.describe(plan.target.vehicle) if plan.target.vehicle is not None else None
     driven: list[Signals] = []
 
-    def tell_of_target(progress: RunProgress) -> None:
-        tell(replace(progress, stage=Stage.TARGET))
+    def report_target(progress: RunProgress) -> None:
+        on_progress(replace(progress, stage=Stage.TARGET))
 
     def drive_road(inputs: Signals) -> Signals:
         driven.append(inputs)
         driver = plan.target.vehicle or ""
-        tell(RunProgress(Stage.TARGET, f"driving {driver} over the road", 0.0, -1.0))
+        on_progress(RunProgress(Stage.TARGET, f"driving {driver} over the road", 0.0, -1.0))
         played = play_drive(
             lab.ask,
             lab.describe(driver),
@@ -164,7 +164,7 @@ def made_target(
             run=f"{id}.target-{uuid.uuid4().hex[:8]}",
             seed=plan.seed,
             real_time=False,
-            tell=tell_of_target,
+            on_progress=report_target,
             deadline=deadline,
         )
         return played.response

@@ -153,11 +153,12 @@ class EnduranceProgress:
 
     def __str__(self) -> str:
         """Return it as a few lines and a table of the events."""
-        told = f", of which the end of {self.unknown} is not known" if self.unknown else ""
+        unknown = f", of which the end of {self.unknown} is not known" if self.unknown else ""
         left = f", {self.remaining_seconds:.0f} s left" if self.remaining_seconds > 0 else ""
         lines = [
             f"Endurance test {self.id} on {self.rig}: {self.activity}",
-            f"{self.played} of {self.repeats} repeats{told}{left}; {self.kept} with all samples; {self.alarms} alarms",
+            f"{self.played} of {self.repeats} repeats{unknown}{left}; {self.kept} with all samples; "
+            f"{self.alarms} alarms",
         ]
         if self.reason:
             lines.append(f"Hold {self.hold}: {self.reason}" if self.hold else self.reason)
@@ -349,7 +350,7 @@ class EnduranceTest:
         return self._progress(key, decision)
 
     def stop(self, *, reason: str = "") -> EnduranceProgress:
-        """End it, and stop and latch its rig; one that has ended stays as it is.
+        """End it, and stop and latch its rig; one that has ended stays unchanged.
 
         Parameters
         ----------

@@ -141,15 +141,15 @@ ErrorT = TypeVar("ErrorT", bound=BaseException)
 
 @dataclass(frozen=True)
 class Recovery:
-    """What becomes of the recording of one campaign that ends badly; `folder` is where its outputs are to go."""
+    """Recovery of the recording of a campaign that failed; `folder` is the folder of its outputs."""
 
     ask: LabClient
     id: str
     folder: Path
     place: RecordingsPlace
 
-    def told(self, error: ErrorT, *, played: bool, fetch: bool = True) -> ErrorT:
-        """Return an error with where what was committed is: brought to its user before, unless `fetch` is False."""
+    def annotated(self, error: ErrorT, *, played: bool, fetch: bool = True) -> ErrorT:
+        """Return an error that says where the recording is, fetched into `folder` first unless `fetch` is False."""
         sentence = self._brought(played=played) if fetch else self._where_it_lies(played=played)
         if sentence and isinstance(error, LabError):
             return type(error)(f"{ended(error.message)} {sentence}", field=error.field, service=error.service)
@@ -169,7 +169,7 @@ class Recovery:
                 )
                 return self.place.say(self.id, f"{_PLAYED} is in {path}; {_reader(played=played)}{further}")
         except KeyboardInterrupt as again:
-            self.told(again, played=played, fetch=False)
+            self.annotated(again, played=played, fetch=False)
             raise
         except FaultError as fault:
             if fault.code == query_pb2.FAULT_CODE_NOT_FOUND and self.place.file(self.id) is None:

@@ -264,9 +264,11 @@ def _decoded(kind: type[ValueT], message: Message, **given: object) -> ValueT:
 
 
 def _report_to(on_progress: Callable[[RunProgress], None] | None) -> Callable[[query_pb2.Progress], None]:
-    tell = progress_callback(on_progress)
+    report_progress = progress_callback(on_progress)
 
     def report(progress: query_pb2.Progress) -> None:
-        tell(RunProgress(Stage.IDENTIFICATION, progress.phase, progress.fraction, progress.remaining_seconds))
+        report_progress(
+            RunProgress(Stage.IDENTIFICATION, progress.phase, progress.fraction, progress.remaining_seconds)
+        )
 
     return report

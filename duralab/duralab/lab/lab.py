@@ -153,7 +153,7 @@ class Lab:
         return RigState.from_message(self._ask.query(key, rig_pb2.StateRequest(), rig_pb2.RigState))
 
     def reset(self, rig: str, *, name: str = "", reason: str = "") -> RigState:
-        """Clear the latch of a rig, after inspecting it; a rig that is not latched stays as it is.
+        """Clear the latch of a rig, after inspecting it; a rig that is not latched stays unchanged.
 
         Parameters
         ----------
@@ -238,7 +238,7 @@ class Lab:
             run=run,
             seed=seed,
             real_time=real_time,
-            tell=progress_callback(on_progress),
+            on_progress=progress_callback(on_progress),
             deadline=end,
         )
 
@@ -315,7 +315,7 @@ class Lab:
         LabError
             The rig or a service is gone, or nothing can be recorded.
         """
-        end, tell = deadline_of(timeout_seconds, cancel), progress_callback(on_progress)
+        end, report = deadline_of(timeout_seconds, cancel), progress_callback(on_progress)
         return make_pre_test(
             self._ask,
             self.describe(rig),
@@ -323,7 +323,7 @@ class Lab:
             level=level,
             seed=seed,
             real_time=real_time,
-            tell=tell,
+            on_progress=report,
             deadline=end,
         )
 
@@ -439,7 +439,7 @@ class Lab:
             self._starting,
             plan,
             folder=lambda id: folder_of(out, usual=self.out / id),
-            tell=progress_callback(on_progress),
+            on_progress=progress_callback(on_progress),
             deadline=deadline_of(timeout_seconds, cancel),
         )
 
@@ -477,7 +477,7 @@ class Lab:
         """
         plan = campaign if isinstance(campaign, Campaign) else load_campaign(campaign)
         deadline = deadline_of(timeout_seconds, cancel)
-        return begin_campaign(self._starting, plan, tell=progress_callback(on_progress), deadline=deadline)
+        return begin_campaign(self._starting, plan, on_progress=progress_callback(on_progress), deadline=deadline)
 
     def run_project(
         self,
@@ -528,7 +528,7 @@ class Lab:
             self._starting,
             plan,
             folder=folder_of(out, usual=self.out / plan.name),
-            tell=progress_callback(on_progress),
+            on_progress=progress_callback(on_progress),
             deadline=deadline_of(timeout_seconds, cancel),
             on_event=progress_callback(on_event),
         )
@@ -557,7 +557,7 @@ class Lab:
         ----------
         id : str or Path
             The campaign, by the name of its recording; or the path of a recording, in a lab that this process started:
-            a copy of it is resumed, the file stays as it is.
+            a copy of it is resumed, the file stays unchanged.
         settings : str, Path, Campaign or PartialSettings, optional
             A file with `update`, `stop` or both, whose keys replace the campaign's own; or a whole campaign,
             whose sections `update` and `stop` do.
@@ -590,7 +590,7 @@ class Lab:
             folder=lambda name: folder_of(out, usual=self.out / name),
             place=self._recordings,
             replace=replace,
-            tell=progress_callback(on_progress),
+            on_progress=progress_callback(on_progress),
             deadline=deadline_of(timeout_seconds, cancel),
         )
 
@@ -763,7 +763,7 @@ class Lab:
         )
 
     def stop(self, id: str, *, reason: str = "") -> RunProgress:
-        """Stop a campaign and return how far it got; one that has ended stays as it is.
+        """Stop a campaign and return how far it got; one that has ended stays unchanged.
 
         The rig ramps down where it plays, and is latched in every state, also between two playbacks. Where its run
         cannot be stopped, the activity reports it.

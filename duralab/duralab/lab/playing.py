@@ -32,7 +32,7 @@ def play_drive(
     run: str | None,
     seed: int,
     real_time: bool,
-    tell: Callable[[RunProgress], None],
+    on_progress: Callable[[RunProgress], None],
     deadline: Deadline,
 ) -> Played:
     """Play a drive of shape (drives, samples) on a rig; see `Lab.play`."""
@@ -45,7 +45,7 @@ def play_drive(
     request = rig_pb2.PlayRequest(run=name, drive=signals.to_message(), seed=seed, real_time=bool(real_time))
 
     def report(progress: query_pb2.Progress) -> None:
-        tell(RunProgress(Stage.PLAYBACK, progress.phase, progress.fraction, progress.remaining_seconds))
+        on_progress(RunProgress(Stage.PLAYBACK, progress.phase, progress.fraction, progress.remaining_seconds))
 
     key = ask.key("rig", ask.bus.keys.rig_play, rig.name)
     what = f"The playback {name!r} on rig {rig.name!r}"
@@ -146,8 +146,8 @@ def read_drive_file(path: Path, rig: Rig, *, units: Sequence[str] = ()) -> Signa
         )
     rows = [signals.names.index(name) for name in wanted]
     given = replace(signals, channels=tuple(signals.channels[row] for row in rows), samples=signals.samples[rows])
-    told = _with_units(given, units, path=path, rig=rig)
-    converted = convert_units(told, {channel.name: channel.unit for channel in rig.drives})
+    labelled = _with_units(given, units, path=path, rig=rig)
+    converted = convert_units(labelled, {channel.name: channel.unit for channel in rig.drives})
     return Signals(rig.drives, rig.sample_rate, converted.samples)
 
 

@@ -22,7 +22,7 @@ def make_pre_test(
     level: float,
     seed: int,
     real_time: bool,
-    tell: OnProgress,
+    on_progress: OnProgress,
     deadline: Deadline,
 ) -> PreTest:
     """Make the pre-test of a rig; see `Lab.pre_test`."""
@@ -40,10 +40,10 @@ def make_pre_test(
     def report(progress: query_pb2.Progress) -> None:
         # The sentence about a calibration stands in the detail.
         activity = progress.detail if progress.phase == "checking" else progress.phase
-        tell(RunProgress(Stage.PRE_TEST, activity, progress.fraction, progress.remaining_seconds))
+        on_progress(RunProgress(Stage.PRE_TEST, activity, progress.fraction, progress.remaining_seconds))
 
     for sentence in rig.overdue:
-        tell(RunProgress(Stage.PRE_TEST, sentence, 0.0, -1.0))
+        on_progress(RunProgress(Stage.PRE_TEST, sentence, 0.0, -1.0))
     key = ask.key("rig", ask.bus.keys.pre_test, rig.name)
     with halting(ask, rig.name, deadline):
         answer = ask.query(

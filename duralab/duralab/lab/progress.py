@@ -63,7 +63,7 @@ class RunProgress:
     campaign: str = ""
 
     def __str__(self) -> str:
-        """Return it in words."""
+        """Return a description as text."""
         left = f", {self.remaining_seconds:.0f} s left" if self.remaining_seconds >= 0 else ""
         return f"{self.stage}: {self.activity} ({self.fraction:.0%}{left})"
 

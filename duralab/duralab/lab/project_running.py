@@ -40,7 +40,7 @@ class _Run:
     lab: StartingLab
     project: Project
     folder: Path
-    tell: OnProgress
+    on_progress: OnProgress
     deadline: Deadline
     on_event: OnEvent
 
@@ -53,22 +53,22 @@ def run_project(
     project: Project,
     *,
     folder: Path,
-    tell: OnProgress,
+    on_progress: OnProgress,
     deadline: Deadline,
     on_event: OnEvent,
 ) -> ProjectResult:
     """Run every event of a project that `folder` holds no result of; see `Lab.run_project`."""
     lock, halt = threading.Lock(), deadline.cancel or threading.Event()
 
-    def tell_in_turn(progress: RunProgress) -> None:
+    def report_in_turn(progress: RunProgress) -> None:
         with lock:
-            tell(progress)
+            on_progress(progress)
 
     def on_event_in_turn(result: EventResult) -> None:
         with lock:
             on_event(result)
 
-    run = _Run(lab, project, folder, tell_in_turn, replace(deadline, cancel=halt), on_event_in_turn)
+    run = _Run(lab, project, folder, report_in_turn, replace(deadline, cancel=halt), on_event_in_turn)
     # What was made with other settings is refused before anything moves.
     for event in project.events:
         _finished(run, event)
@@ -81,7 +81,7 @@ def run_project(
         try:
             wait(running)
         except BaseException:
-            # The campaigns of all rigs end before the interrupt goes on.
+            # The campaigns of all rigs end before the interrupt is raised again.
             halt.set()
             raise
     results = tuple(result for one in running for result in one.result())
@@ -125,7 +125,7 @@ def _of_event(run: _Run, event: Event, plan: Campaign, target: MadeTarget, *, st
                 plan,
                 id=plan.name,
                 folder=folder,
-                tell=run.tell,
+                on_progress=run.on_progress,
                 deadline=run.deadline,
                 target=target,
             )
@@ -169,7 +169,7 @@ def _likeness(events: list[Event], targets: dict[str, MadeTarget]) -> Likeness:
 def _target(run: _Run, event: Event) -> MadeTarget:
     plan = event.campaign
     rig = run.lab.describe(plan.rig)
-    return made_target(run.lab, plan, rig=rig, id=plan.name, tell=run.tell, deadline=run.deadline)
+    return made_target(run.lab, plan, rig=rig, id=plan.name, on_progress=run.on_progress, deadline=run.deadline)
 
 
 def _finished(run: _Run, event: Event) -> CampaignResult | None:
@@ -214,7 +214,7 @@ def _resumed(run: _Run, event: Event) -> CampaignResult | None:
         folder=lambda _name: run.folder_of(event),
         place=place,
         replace=True,
-        tell=run.tell,
+        on_progress=run.on_progress,
         deadline=run.deadline,
     )
 

@@ -55,7 +55,7 @@ class RecordingsPlace:
     def copy_in(self, recording: Recording) -> None:
         """Copy a recording into the recorder's folder, under the names that the recorder gives its files.
 
-        A copy and no link: the recorder repairs a file that was never finished, and the given one stays as it is.
+        A copy and no link: the recorder repairs a file that was never finished, and the given one stays unchanged.
         """
         id = recording.specification.id
         if self.folder is None:
@@ -76,7 +76,7 @@ class RecordingsPlace:
                 shutil.copyfile(file, temporary)
 
     def expect_change(self, id: str) -> bool:
-        """Note that a campaign is about to go on in its recording; return whether that was an unchanged copy."""
+        """Note that a campaign is about to continue in its recording; return whether that was an unchanged copy."""
         is_copy = id in self.copies
         self.copies.discard(id)
         return is_copy
@@ -93,9 +93,9 @@ class RecordingsPlace:
 
     def add_notes(self, error: BaseException) -> None:
         """Add to an error what was said of recordings, and where those are of which nothing was said."""
-        told = "\n".join([str(error), *getattr(error, "__notes__", ())])
+        message = "\n".join([str(error), *getattr(error, "__notes__", ())])
         for sentence in (*self._said.values(), *self.unsaid()):
-            if sentence not in told:
+            if sentence not in message:
                 error.add_note(sentence)
 
     def unsaid(self) -> list[str]:

@@ -19,7 +19,7 @@ from duralab_proto.keys import MAIN_INSTANCE
 from duralab_proto.v1 import health_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 
 SILENCE_SECONDS: Final = 3.0
-"""A service that gives no sign of life for so long is told of as silent."""
+"""A service that gives no sign of life for so long is reported as silent."""
 
 MessageT = TypeVar("MessageT", bound=Message)
 

@@ -30,7 +30,7 @@ _POLL_SECONDS: Final = 0.1
 
 
 class OperatorPage:
-    """The page of a lab on 127.0.0.1, for a `with` statement; the lab goes on whatever becomes of it.
+    """The page of a lab on 127.0.0.1, for a `with` statement; the lab continues whatever becomes of it.
 
     `endpoint`: Of the lab. `folder`: For campaign files, uploads and reports. `port`: 0 takes a free one.
     """

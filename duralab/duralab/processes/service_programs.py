@@ -17,7 +17,7 @@ _SECONDS: Final = 30.0
 
 
 def shipped_rigs() -> dict[str, str]:
-    """Return what is mounted on each shipped rig, in words, by its name; nothing where no simulator is installed."""
+    """Return what is mounted on each shipped rig, as text, by its name; nothing where no simulator is installed."""
     asked = [sys.executable, "-m", "rig_sim", "--list"]
     try:
         answer = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=_SECONDS).stdout
@@ -67,17 +67,17 @@ def is_recording(file: Path) -> bool:
     return start.startswith(_RECORDING)
 
 
-def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) -> Path:
+def rebuilt_view(recording: Path, target: Path, *, report: Callable[[str], None]) -> Path:
     """Write the live view of a recording; `tell` gets a sentence where the view ends before the recording's end."""
     from duralab.processes.supervisor import last_lines, require_services
     from duralab.recording import RecordingFiles
 
     file = RecordingFiles(recording)
     if not file.whole:
-        tell(f"{recording} was never finished; it is shown as far as it is whole.")
+        report(f"{recording} was never finished; it is shown as far as it is whole.")
     said = target.with_suffix(".log")
     require_services("recorder")
-    # A process of its own: the SDK imports no service, and Rerun keeps what it took.
+    # A separate process: the SDK imports no service, and Rerun keeps what it took.
     with said.open("wb") as log:
         code = subprocess.run(
             [sys.executable, "-m", "recorder.rebuild_view", *map(str, file.paths), "--out", str(target)],
@@ -87,7 +87,7 @@ def rebuilt_view(recording: Path, target: Path, *, tell: Callable[[str], None]) 
             check=False,
         ).returncode
     if code != 0:
-        # The recorder says it in a sentence of its own; of that, what comes after the recording's name is the reason.
+        # The recorder says it in its own sentence; of that, what comes after the recording's name is the reason.
         _, known, reason = last_lines(said).rpartition(" cannot be shown: ")
         kind = InputError if known else LabError
         raise kind(f"The live view of {recording} cannot be made: {reason.rstrip('.')}.")
@@ -101,7 +101,7 @@ def findings_of(recording: Path) -> list[str]:
     from duralab.processes.supervisor import require_services
 
     require_services("recorder")
-    # A process of its own: the SDK imports no service.
+    # A separate process: the SDK imports no service.
     done = subprocess.run(
         [sys.executable, "-m", "recorder.verify_file", str(recording)],
         stdin=subprocess.DEVNULL,

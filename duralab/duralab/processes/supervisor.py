@@ -235,7 +235,7 @@ def close_quietly(stream: IO[bytes] | None) -> None:
 
 
 def describe_exit(code: int) -> str:
-    """Return an exit code in words."""
+    """Return an exit code as text."""
     if code == UNKNOWN_EXIT:
         return "exit code unknown"
     if code >= 0:

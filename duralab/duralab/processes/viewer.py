@@ -32,7 +32,7 @@ _HOST: Final = "127.0.0.1"
 class Viewer:
     """A running viewer on 127.0.0.1, maybe with an .rrd file; use it in a `with` statement.
 
-    `port`, `web_port`: 0 takes a free one. `native`: A window of its own, by default where there is a display; else a
+    `port`, `web_port`: 0 takes a free one. `native`: Its own window, by default where there is a display; else a
     page for a browser at `web_port`.
     """
 
@@ -51,7 +51,7 @@ class Viewer:
         self._port = require_free_port(port, option="--port")
         self._web_port = self._port if self.native else require_free_port(web_port, option="--web-port")
         self._folder = Path(tempfile.mkdtemp(prefix="duralab-viewer-"))
-        # A configuration of its own: analytics are off in it, and the user's stays as it is.
+        # Its own configuration: analytics are off in it, and the user's stays unchanged.
         environment = {**os.environ, "XDG_CONFIG_HOME": str(self._folder)}
         self._log = self._folder / "viewer.log"
         with self._log.open("wb") as log:

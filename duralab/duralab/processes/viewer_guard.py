@@ -18,7 +18,7 @@ END_SECONDS: Final = 2.0
 
 
 def guard(arguments: list[str]) -> int:
-    """Run a program until it ends, standard input ends, or this process is told to end; return its exit code."""
+    """Run a program until it ends, standard input ends, or this process is asked to end; return its exit code."""
     child = subprocess.Popen(arguments, stdin=subprocess.DEVNULL)
 
     def end(*_: object) -> None:

@@ -113,7 +113,7 @@ def render_report(recording: Recording) -> str:
         **_judged_parts(table, verdict, shown.target, slope=slope),
         **_damage_parts(table, slope),
         **_model_parts(model, shown.band),
-        **_told_parts(recording),
+        **_remark_parts(recording),
     )
 
 
@@ -160,12 +160,12 @@ def _model_parts(model: Model | None, band: tuple[float, float]) -> dict[str, An
     }
 
 
-def _told_parts(recording: Recording) -> dict[str, Any]:
+def _remark_parts(recording: Recording) -> dict[str, Any]:
     """Return what was remarked, each sentence once, and how well a drive repeated itself."""
-    told = set(recording.remarks)
+    remarks = set(recording.remarks)
     status_remarks = recording.status.remarks if recording.status is not None else ()
     return {
-        "remarks": [sentence for sentence in status_remarks if sentence not in told],
+        "remarks": [sentence for sentence in status_remarks if sentence not in remarks],
         "told_on_the_way": recording.remarks,
         "repeatability": _repeatability(recording),
     }
@@ -231,6 +231,6 @@ def _repeatability(recording: Recording) -> dict[str, Any] | None:
     status = recording.status
     if status is None or not status.HasField("repeatability"):
         return None
-    told = status.repeatability
-    rows = tables.repeatability_rows(told, recording.iterations)
-    return {"iteration": told.iteration, "playbacks": told.playbacks, "rows": rows}
+    repeatability = status.repeatability
+    rows = tables.repeatability_rows(repeatability, recording.iterations)
+    return {"iteration": repeatability.iteration, "playbacks": repeatability.playbacks, "rows": rows}

@@ -1,4 +1,4 @@
-"""Figures of several recordings over each other, each in a colour of its own."""
+"""Figures of several recordings over each other, each in its own colour."""
 
 from __future__ import annotations
 
@@ -205,7 +205,7 @@ def _over_playbacks(curves: Sequence[tuple[str, Sequence[int], np.ndarray]], tit
     layout["yaxis"]["rangemode"] = "tozero"
     data = []
     for place, (name, numbers, values) in enumerate(curves):
-        # A campaign's name stands as it is; a channel's underscores become spaces.
+        # A campaign's name is shown unchanged; a channel's underscores become spaces.
         data.append(markers(place, name, x=numbers, y=values) | {"name": name})
     return {"data": data, "layout": layout}
 

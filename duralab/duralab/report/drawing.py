@@ -30,7 +30,7 @@ def line(name: str, color: str, *, width: float = 1.4, dash: str = "solid", **cu
 
 
 def markers(row: int, name: str, *, x: Sequence[int], y: np.ndarray) -> Figure:
-    """Return points joined by lines, in a colour and with a symbol of their own."""
+    """Return points joined by lines, in a colour and with their own symbol."""
     return {
         "type": "scatter",
         "mode": "lines+markers",

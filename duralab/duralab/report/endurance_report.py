@@ -104,7 +104,7 @@ def _verdict(recording: EnduranceRecording) -> str:
     repeats, status = recording.repeats, recording.status
     ended = "It has not ended, or its end is not recorded." if status is None else f"It {_ending(status)}."
     unknown = len(recording.unknown)
-    told = f", of which the end of {unknown} is not known" if unknown else ""
+    unknown_ends = f", of which the end of {unknown} is not known" if unknown else ""
     levels = _levels(recording)
     found = (
         f"{levels['abort']} aborts and {levels['warning']} warnings were raised, the first in repeat "
@@ -112,7 +112,7 @@ def _verdict(recording: EnduranceRecording) -> str:
         if recording.alarms
         else "no alarm was raised"
     )
-    return f"{len(repeats)} of {recording.schedule.total_repeats} repeats were played{told}; {found}. {ended}"
+    return f"{len(repeats)} of {recording.schedule.total_repeats} repeats were played{unknown_ends}; {found}. {ended}"
 
 
 def _ending(status: sequencer_pb2.EnduranceStatus) -> str:

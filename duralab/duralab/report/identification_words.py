@@ -1,4 +1,4 @@
-"""How a rig was identified, in words."""
+"""How a rig was identified, as text."""
 
 from __future__ import annotations
 

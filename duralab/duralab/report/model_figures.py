@@ -88,7 +88,7 @@ def coherence(model: Model, *, band: tuple[float, float]) -> Figure:
 
 
 def condition_number(model: Model, *, band: tuple[float, float]) -> Figure:
-    """Condition number of the drives' cross-spectrum: near 1, the drives are told apart well."""
+    """Condition number of the drives' cross-spectrum: near 1, the drives are distinguished well."""
     lines = excited_lines(model)
     return {
         "data": [

@@ -1,4 +1,4 @@
-"""What was done, in words, and what is needed to do it again: seeds, versions and hashes."""
+"""What was done, as text, and what is needed to do it again: seeds, versions and hashes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How drives were made from playback to playback, in words."""
+"""How drives were made from playback to playback, as text."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class PreparedEvent:
     response : Signals, optional
         What the best playback measured; None for a drive that is not from a recording.
     source : str
-        Where the drive comes from, in words.
+        Where the drive comes from, as text.
     campaign : str
         Campaign that made the drive; empty where none did.
     exponent : float

@@ -42,7 +42,7 @@ LIVE_SECONDS: Final = 30.0
 """Longest time until services that stand know of each other."""
 
 LARGEST_CELL_BYTES: Final = 2 * 2**30
-"""Of the recordings that a cell holds beside those that were fetched, before it is made anew."""
+"""Of the recordings that a cell holds beside those that were fetched, before it is made again."""
 
 
 @contextmanager
@@ -112,7 +112,7 @@ class KeptCell:
         try:
             self._stack.close()
         except RuntimeError:
-            # Zenoh's binding refuses to withdraw what a thread of its own has in its hands at this very moment. What
+            # Zenoh's binding refuses to withdraw what its own thread has in its hands at this very moment. What
             # is left of the session is alone in this process and reaches nobody.
             logging.getLogger("cell").warning("The cell was not closed in order.", exc_info=True)
 
@@ -172,7 +172,7 @@ def run_point(task: Task) -> Outcome:
             shutil.rmtree(place)
     except LabError as error:
         if not isinstance(error, InputError):
-            # The next campaign gets a cell of its own: what broke this one may still be in it.
+            # The next campaign gets its own cell: what broke this one may still be in it.
             _cell().close()
         outcome = Outcome(point.id, State.FAILED, error.message, worker=worker, costs=costs())
     write_outcome(outcome, folder)

@@ -220,8 +220,8 @@ class PointRunner:
         error = future.exception()
         if error is None:
             return future.result()
-        told = " ".join(str(error).split()) or type(error).__name__
-        sentence = f"The worker could not bring the campaign to its end: {told.rstrip('.')}."
+        message = " ".join(str(error).split()) or type(error).__name__
+        sentence = f"The worker could not bring the campaign to its end: {message.rstrip('.')}."
         outcome = Outcome(point.id, State.FAILED, sentence)
         write_outcome(outcome, self._points / point.id)
         return outcome

@@ -87,15 +87,15 @@ def _summary(results: SweepResults, key: str) -> list[tuple[str, int, str, str, 
 
 
 def _costs(results: SweepResults) -> list[tuple[str, str]]:
-    def told(name: str) -> str:
+    def span_text(name: str) -> str:
         seconds = np.array([row[name] for row in results.rows if row[name] is not None])
         return f"{np.median(seconds):.2f} s in the middle, {seconds.max():.2f} s at most, {seconds.sum():.0f} s in all"
 
     size = sum(row["bytes"] or 0 for row in results.rows)
     return [
-        ("Opening rig cells", told("seconds_cell")),
-        ("Campaigns", told("seconds_campaign")),
-        ("Processor time of the workers", told("seconds_processor")),
+        ("Opening rig cells", span_text("seconds_cell")),
+        ("Campaigns", span_text("seconds_campaign")),
+        ("Processor time of the workers", span_text("seconds_processor")),
         ("Recordings", f"{size / 2**20:,.0f} MiB"),
     ]
 
@@ -118,7 +118,7 @@ SHADES: Final = ("#0b3d91", "#1565c0", "#2a9fd0", "#4fb8a8", "#8ac45a", "#d6b93a
 
 
 def words(name: str) -> str:
-    """Return the name of a figure in words, e.g. "overall error"."""
+    """Return the name of a figure as text, e.g. "overall error"."""
     return name.replace("_", " ")
 
 
@@ -153,7 +153,7 @@ def parallel_coordinates(results: SweepResults) -> Figure:
                 # A gap after each line: many lines are one trace.
                 "x": [place for _ in rows for place in (*range(len(keys)), None)],
                 "y": [height for row in rows for height in (*(scales[key].height(row[key]) for key in keys), None)],
-                "text": [line for row in rows for line in (*([_told(row, keys)] * len(keys)), None)],
+                "text": [line for row in rows for line in (*([_hover_text(row, keys)] * len(keys)), None)],
                 "hoverinfo": "text",
                 "line": {"color": SHADES[shade], "width": 1.6},
             }
@@ -264,7 +264,7 @@ class _Scale:
         return (value - self.lowest) / (self.highest - self.lowest) if self.highest > self.lowest else 0.5
 
 
-def _told(row: Mapping[str, Any], keys: Sequence[str]) -> str:
+def _hover_text(row: Mapping[str, Any], keys: Sequence[str]) -> str:
     return ", ".join(f"{words(key) if key in ERRORS else key} {text(row[key])}" for key in keys)
 
 

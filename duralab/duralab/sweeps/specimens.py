@@ -60,7 +60,8 @@ def _step(place: Any, part: str, *, key: str, depth: int, what: str) -> Any:
         return place[index]
     there = ".".join(key.split(".")[:depth]) or "the top"
     raise InputError(
-        f"The key {key!r} does not exist in {what}: at {there}, there is {_told(place)}; correct the key.", field=key
+        f"The key {key!r} does not exist in {what}: at {there}, there is {_described(place)}; correct the key.",
+        field=key,
     )
 
 
@@ -72,7 +73,7 @@ def _index(entries: list[Any], part: str) -> int:
     return int(part) if part.isdecimal() and int(part) < len(entries) else -1
 
 
-def _told(place: Any) -> str:
+def _described(place: Any) -> str:
     if isinstance(place, dict):
         return ", ".join(map(str, place)) or "nothing"
     if isinstance(place, list):
@@ -106,7 +107,7 @@ class SpecimenText:
         return self.text, self.bodies_text
 
     def write(self, folder: Path) -> Path:
-        """Put it into a folder of its own and return where its YAML is."""
+        """Put it into its own folder and return where its YAML is."""
         own = folder / self.rig
         own.mkdir(parents=True, exist_ok=True)
         if self.bodies:

@@ -29,7 +29,7 @@ class CellKind(StrEnum):
     """What a task runs its campaign in."""
 
     PROCESS = "process"
-    """The services in the worker's own process, on a bus of its own: no message leaves it."""
+    """The services in the worker's own process, on its own bus: no message leaves it."""
     LAB = "lab"
     """The embedded lab: a process for each service, on loopback."""
 

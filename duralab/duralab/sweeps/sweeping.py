@@ -67,10 +67,12 @@ def search(sweep: Sweep, maker: PointMaker, runner: PointRunner, *, folder: Path
         for point, outcome in runner.run([point for own in points.values() for point in own]):
             figures[point.id] = outcome.objective(plan.minimise)
             yield point, outcome
-        _tell(study, trials_now, {number: [figures[point.id] for point in own] for number, own in points.items()})
+        _record_values(
+            study, trials_now, {number: [figures[point.id] for point in own] for number, own in points.items()}
+        )
 
 
-def _tell(study: Study, trials: Sequence[FrozenTrial], figures: Mapping[int, Sequence[float | None]]) -> None:
+def _record_values(study: Study, trials: Sequence[FrozenTrial], figures: Mapping[int, Sequence[float | None]]) -> None:
     """Tell the study what trials came to, in their order, so that it is the same whichever ended first."""
     from optuna.trial import TrialState
 
@@ -187,7 +189,7 @@ def run_sweep(
         open_client = lambda: stack.enter_context(open_workers(folder, workers=workers, scheduler=scheduler))  # noqa: E731
         runner = PointRunner(open_client, plan, folder=folder, retry_failed=retry_failed, at_most=at_most)
         ended = search(plan, maker, runner, folder=folder) if plan.search is not None else runner.run(points)
-        return _Book(plan, folder, total=total, tell=progress_callback(on_progress)).keep(ended)
+        return _Book(plan, folder, total=total, on_progress=progress_callback(on_progress)).keep(ended)
 
 
 def default_folder(sweep: Sweep) -> Path:
@@ -198,8 +200,8 @@ def default_folder(sweep: Sweep) -> Path:
 class _Book:
     """Keeps what has ended, writes it now and then, and tells how far the sweep is."""
 
-    def __init__(self, sweep: Sweep, folder: Path, *, total: int, tell: OnProgress) -> None:
-        self._sweep, self._folder, self._total, self._tell = sweep, folder, total, tell
+    def __init__(self, sweep: Sweep, folder: Path, *, total: int, on_progress: OnProgress) -> None:
+        self._sweep, self._folder, self._total, self._on_progress = sweep, folder, total, on_progress
         self._rows: list[tuple[Mapping[str, Any], Outcome]] = []
         self._failed = 0
         self._best: tuple[float, Mapping[str, Any]] | None = None
@@ -237,7 +239,7 @@ class _Book:
 
     def _progress(self) -> None:
         best, settings = self._best or (None, {})
-        self._tell(SweepProgress(len(self._rows), self._total, self._failed, best, settings))
+        self._on_progress(SweepProgress(len(self._rows), self._total, self._failed, best, settings))
 
 
 @dataclass(frozen=True)

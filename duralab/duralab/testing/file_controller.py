@@ -247,7 +247,7 @@ class FileController:
         if ControllerFault.PREVIOUS_RUN in self.faults and self._before is not None:
             content = self._before[1]
         if ControllerFault.DAMAGED_FILE in self.faults:
-            # Up to the middle: rubbish in one response alone cannot be told from a measurement.
+            # Up to the middle: rubbish in one response alone cannot be distinguished from a measurement.
             kept = int(self._random.uniform(0.0, 0.5) * len(content))
             content = content[:kept] + self._random.bytes(int(self._random.choice([0, len(content) - kept])))
         return content

@@ -1,7 +1,7 @@
 """A rig gateway as a stranger would write it from docs/contract.md: Zenoh, the generated messages, and nothing of ours.
 
 `python foreign_gateway.py ENDPOINT` serves the rig `stranger`: two cylinders on a beam, stiff at its ends and soft
-in between, with bump stops. A run goes on to its end, and is published when it is over, as its description says. It
+in between, with bump stops. A run continues to its end, and is published when it is over, as its description says. It
 prints `ready` and runs until its standard input ends.
 """
 
@@ -147,7 +147,7 @@ class Stranger:
             self.states += 1
 
     def stop(self, query: zenoh.Query) -> None:
-        """Latch; the answer names the run that goes on."""
+        """Latch; the answer names the run that continues."""
         self.change(latched=rig_pb2.StopRequest.FromString(payload(query)).reason or "stopped")
         self.answer(query, self.state())
 
@@ -161,12 +161,12 @@ class Stranger:
     def checked(self, request: rig_pb2.PlayRequest) -> np.ndarray:
         """Return the drive of a request; raise what is wrong with it."""
         given = request.drive
-        told = [(channel.name, channel.unit) for channel in given.channels]
+        channels = [(channel.name, channel.unit) for channel in given.channels]
         if not re.fullmatch(r"[a-z0-9][a-z0-9_.-]*", request.run):
             raise RefusedError(f"{request.run!r} is no name of a run.", "run")
         if given.sample_rate != RATE:
             raise RefusedError(f"{given.sample_rate:g} Hz; I play {RATE:g} Hz.", "drive.sample_rate")
-        if told != [(channel.name, channel.unit) for channel in DRIVES]:
+        if channels != [(channel.name, channel.unit) for channel in DRIVES]:
             raise RefusedError("Other channels or units than those of my description.", "drive.channels")
         drive = np.frombuffer(given.samples.data, dtype="<f8").reshape(tuple(given.samples.shape))
         if drive.shape[1] == 0 or not np.all(np.abs(drive) <= LIMIT):

@@ -40,7 +40,9 @@ def view(tmp_path_factory):
                 )
             )
     folder = tmp_path_factory.mktemp("view")
-    return rebuilt_view(synthetic_campaign.write(folder / "recording.mcap", messages), folder / "live.rrd", tell=print)
+    return rebuilt_view(
+        synthetic_campaign.write(folder / "recording.mcap", messages), folder / "live.rrd", report=print
+    )
 
 
 def of_colour(picture, colour):
@@ -77,4 +79,4 @@ def test_a_recording_that_cannot_be_shown_is_told(tmp_path):
     path = tmp_path / "recording.mcap"
     path.write_bytes(b"\x89MCAP0\r\n" + bytes(100))
     with pytest.raises(LabError, match="ends within its first record"):
-        rebuilt_view(path, tmp_path / "live.rrd", tell=print)
+        rebuilt_view(path, tmp_path / "live.rrd", report=print)

@@ -16,12 +16,12 @@ from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 _BLOCKS_A_SECOND = 10
 
 
-def complete_description(told: rig_pb2.RigDescription) -> rig_pb2.RigDescription:
+def complete_description(given: rig_pb2.RigDescription) -> rig_pb2.RigDescription:
     """Return a description with block size, static response and content hash, where they were not given.
 
     Parameters
     ----------
-    told : rig_pb2.RigDescription
+    given : rig_pb2.RigDescription
         Description of the rig; not changed.
 
     Returns
@@ -35,7 +35,7 @@ def complete_description(told: rig_pb2.RigDescription) -> rig_pb2.RigDescription
         A name, a rate, a limit or the static response cannot be; one sentence.
     """
     description = rig_pb2.RigDescription()
-    description.CopyFrom(told)
+    description.CopyFrom(given)
     rig = description.rig
     try:
         check_rig(rig)

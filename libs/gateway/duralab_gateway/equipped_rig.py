@@ -18,11 +18,11 @@ class EquippedRig(PlaybackRig):
 
     def __init__(self, rig: PlaybackRig, channels: ChannelTable) -> None:
         self._rig = rig
-        told = rig.describe()
+        given = rig.describe()
         try:
-            self._description = channels.complete(told, today=date.today())
+            self._description = channels.complete(given, today=date.today())
         except ValueError as error:
-            raise ConfigError(f"channels.{told.rig}: {error}") from error
+            raise ConfigError(f"channels.{given.rig}: {error}") from error
         self._rows = channels.rows(self._description)
         self.approach = rig.approach
         self.watchdogs = (*rig.watchdogs, *_levels(self._description))

@@ -124,7 +124,7 @@ class Interlock:
             _remember(self._resets, command)
 
     def reset(self, *, seen: int, name: str = "", reason: str = "") -> None:
-        """Clear the latch and keep who did it and why; a rig that is not latched stays as it is."""
+        """Clear the latch and keep who did it and why; a rig that is not latched stays unchanged."""
         with self._changed:
             if not self._latched:
                 return

@@ -160,7 +160,7 @@ class PlaybackSession:
         self._interlock.enter(rig_pb2.RIG_MODE_PLAYING)
         self._report_state()
         samples = playback.response.shape[1]
-        began = told = time.monotonic()
+        began = reported = time.monotonic()
         for block in spans(playback.blocks(), "play a block", SpanKind.PLAYBACK):
             done = playback.samples_done
             ends = run.wait_for_stop(clock.ahead(block))
@@ -179,8 +179,8 @@ class PlaybackSession:
             # The bus thins progress out; the state stream goes to everybody.
             left = (now - began) * (samples - done) / done
             call.progress("playing", done / samples, remaining_seconds=left, detail=run.name)
-            if now - told >= _STATE_SECONDS:
-                told = now
+            if now - reported >= _STATE_SECONDS:
+                reported = now
                 self._report_state()
 
     def _come_to_rest(self, run: Run, playback: DrivePlayback, clock: Clock, call: Call) -> None:

@@ -18,7 +18,7 @@ _NOTHING = np.empty((0, 0))
 class BlockPublisher:
     """Publishes the blocks of one run, slices of a block together, and counts them.
 
-    `size` is how many samples are gathered, `limit` how many a message may hold, and `hold` keeps all of them back
+    `size` is how many samples are gathered, `limit` how many message may hold, and `hold` keeps all of them back
     until the run is over.
     """
 
@@ -44,7 +44,7 @@ class BlockPublisher:
             self.flush(last=last)
 
     def flush(self, *, last: bool) -> None:
-        """Publish what was gathered."""
+        """Publish the samples that are still buffered."""
         if not self._slices:
             return
         first = self._slices[0].first_sample
@@ -122,7 +122,7 @@ class PoseStream:
             self.flush()
 
     def flush(self) -> None:
-        """Publish what was gathered."""
+        """Publish the samples that are still buffered."""
         if not self._times:
             return
         block = rig_pb2.PoseBlock(

@@ -237,16 +237,16 @@ class StepwiseRig:
 
     def playback(self, drive: np.ndarray, run: Run) -> FollowedDrive:
         """Return a playback of a checked drive."""
-        told = self._description
+        description = self._description
         return FollowedDrive(
             lambda commands: self.rig.play(commands, run),
             drive,
-            channels=told.drives,
-            response_names=[channel.name for channel in told.responses],
+            channels=description.drives,
+            response_names=[channel.name for channel in description.responses],
             approach=self.approach,
-            sample_rate=told.sample_rate,
+            sample_rate=description.sample_rate,
             # Whoever measures at the end gets each of the ways and the drive in one piece.
-            block_samples=_WHOLE if told.publishes_after_run else told.block_samples,
+            block_samples=_WHOLE if description.publishes_after_run else description.block_samples,
             stopped=lambda: run.stopped,
             frames=self._frames,
         )

@@ -163,7 +163,7 @@ class RigServer:
         )
         bus.serve(keys.rig_description(self.name), rig_pb2.DescriptionRequest, lambda *_: self._description)
         bus.serve(keys.rig_frf(self.name), rig_pb2.RigFrfRequest, self._answer_frf)
-        # Workers of their own: rigs beside each other play at once, one more query is told that this one is busy, and a
+        # Separate workers: rigs beside each other play at once, one more query is told that this one is busy, and a
         # stop is heard while all others are taken.
         bus.serve(keys.rig_play(self.name), rig_pb2.PlayRequest, self._play, workers=2)
         bus.serve(keys.rig_stop(self.name), rig_pb2.StopRequest, self._on_stop, workers=4)
@@ -207,7 +207,7 @@ class RigServer:
 
     def _on_stop(self, request: rig_pb2.StopRequest, _call: Call) -> rig_pb2.RigState:
         self.stop(request.reason)
-        # A run that goes on to its end is named in the state.
+        # A run that continues to its end is named in the state.
         return self._interlock.state() if self._description.cannot_be_stopped else self._interlock.wait_for_rest()
 
     def _on_reset(self, request: rig_pb2.ResetRequest, _call: Call) -> rig_pb2.RigState:

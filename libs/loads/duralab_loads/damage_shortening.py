@@ -133,7 +133,7 @@ def _windows_to_keep(shares: NDArray[np.float64], *, keep: float) -> list[int]:
     """Choose windows, rising, until each channel has its share; `shares` has shape (channels, windows).
 
     What a window adds never grows while others are taken, so a value that was put away is an upper bound and only the
-    first of the heap is worked out anew. Sums are exact (`fsum`): the order of the channels makes no difference.
+    first of the heap is worked out again. Sums are exact (`fsum`): the order of the channels makes no difference.
     """
     columns = shares.T.tolist()
     missing = [keep] * shares.shape[0]

@@ -73,7 +73,7 @@ class ChangeDetector:
     Parameters
     ----------
     events : int
-        Number of events, each with a baseline of its own.
+        Number of events, each with its own baseline.
     measures : int
         Number of measures of a repeat, the same for all events.
 

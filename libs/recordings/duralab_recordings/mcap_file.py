@@ -1,6 +1,6 @@
 """The files of a recording, `<name>.mcap`, `<name>.part02.mcap`, …, as one chain, and their messages by type.
 
-Each file says which part of which recording it is, and the end of each which file it goes on in. What the hash of the
+Each file says which part of which recording it is, and the end of each which file it continues in. What the hash of the
 file before says is left to `verify`: it takes a reading of every byte.
 """
 
@@ -36,7 +36,7 @@ PART_METADATA: Final = "part"
 """Named set of texts at the start of each file: which part of which recording it is, and the version of its format."""
 
 SUMMARY_METADATA: Final = "summary"
-"""Named set of texts at the end of each file: what is stored so far, and which file it goes on in."""
+"""Named set of texts at the end of each file: what is stored so far, and which file it continues in."""
 
 _VERSION: Final = "format_version"
 
@@ -95,7 +95,7 @@ def newer_format(said: Mapping[str, str]) -> str:
 class Part:
     """What a file says of its place; empty or 0 where it does not say.
 
-    `next_file`: Name of the file in which the recording goes on. `is_empty`: It was begun and never finished, and
+    `next_file`: Name of the file in which the recording continues. `is_empty`: It was begun and never finished, and
     neither says what it is nor holds a message.
     """
 
@@ -206,7 +206,7 @@ def require_chain(parts: Sequence[Part]) -> None:
 
 
 def open_end(path: Path, *, parts: int, reason: str) -> str:
-    """Return in words that a recording ends with a file after which its recorder may have gone on in another.
+    """Return as text that a recording ends with a file after which its recorder may have continued in another.
 
     A file that was repaired after its recorder was killed names no next one: when it was repaired there was none.
     """

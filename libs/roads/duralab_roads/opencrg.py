@@ -312,11 +312,11 @@ def _number(field: bytes, path: Path, offset: int) -> float:
 def _refuse_inclined(header: CrgHeader, values: NDArray[np.float64]) -> None:
     """Refuse slope and banking of the reference line: elevation would be only a part of the height."""
     for name, suffix in ((SLOPE, "s"), (BANKING, "b")):
-        told = [header.parameters.get(f"reference_line_{end}_{suffix}", 0.0) for end in ("start", "end")]
+        ends = [header.parameters.get(f"reference_line_{end}_{suffix}", 0.0) for end in ("start", "end")]
         if name in header.channels:
             column = values[:, header.channels.index(name)]
-            told.append(float(np.nanmax(np.abs(column), initial=0.0)))
-        if any(value != 0 for value in told):
+            ends.append(float(np.nanmax(np.abs(column), initial=0.0)))
+        if any(value != 0 for value in ends):
             raise header.error(f"a {name} other than 0 is not supported; add it to the elevations first.")
 
 

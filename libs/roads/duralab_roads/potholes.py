@@ -29,7 +29,7 @@ def add_potholes(
     Parameters
     ----------
     road
-        The road to damage; it stays as it is.
+        The road to damage; it stays unchanged.
     count
         Number of holes, at least 0.
     seed

@@ -136,7 +136,7 @@ def _fill_repeated(message: Message, field: FieldDescriptor, values: tuple[Any, 
 
 
 def _values(message: Message, model: type[BaseModel], *, path: str) -> Iterator[tuple[str, Any]]:
-    """Yield the fields of a model that a message states."""
+    """Yield the fields of a model that are set in a message."""
     for name, info in model.model_fields.items():
         field, *others = message_fields(message, name)
         if others:

@@ -1,4 +1,4 @@
-"""`python -m file_rig --config FILE`: serve the rigs of controller maps until it is told to end."""
+"""`python -m file_rig --config FILE`: serve the rigs of controller maps until it is asked to end."""
 
 from duralab_bus import HostedService, service_main
 from duralab_gateway import SERVICE

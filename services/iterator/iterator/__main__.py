@@ -7,7 +7,7 @@ HOSTED = HostedService(SERVICE, IteratorConfig, lambda _: IteratorService)
 """The service as one of several in a process."""
 
 if __name__ == "__main__":
-    # Every campaign has a thread of its own, and holds its records there.
+    # Every campaign has its own thread, and holds its records there.
     keep_few_arenas(2)
     # Half a second and more of imports, which the first damage would wait for.
     service_main(

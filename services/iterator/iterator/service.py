@@ -135,7 +135,7 @@ class IteratorService:
         keys = bus.keys
         bus.serve(keys.campaign_start(ANY), iterator_pb2.CampaignSpec, self.start)
         bus.serve(keys.campaign(ANY), iterator_pb2.CampaignRequest, self.status)
-        # Workers of their own: a stop must get through whatever else is asked.
+        # Separate workers: a stop must get through whatever else is asked.
         bus.serve(keys.campaign_stop(ANY), iterator_pb2.StopCampaignRequest, self.stop, workers=4)
         bus.serve(keys.campaign_resume(ANY, ANY), iterator_pb2.ResumeCampaignRequest, self.resume)
         bus.serve(keys.campaign_decide(ANY, ANY), iterator_pb2.Decision, self.decide)
@@ -174,7 +174,7 @@ class IteratorService:
 
     @contextmanager
     def _admitting(self, spec: iterator_pb2.CampaignSpec, *, again: bool = False) -> Iterator[None]:
-        """Keep id and rig for a campaign that is being checked; let go of them where it is refused."""
+        """Keep id and rig for a campaign that is being checked; release them where it is refused."""
         self._take(spec, again=again)
         try:
             yield
@@ -221,7 +221,7 @@ class IteratorService:
         return self._entry(id_of(call.key)).board.snapshot()
 
     def stop(self, request: iterator_pb2.StopCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Stop a campaign, and stop and latch its rig whatever that does; one that has ended stays as it is."""
+        """Stop a campaign, and stop and latch its rig whatever that does; one that has ended stays unchanged."""
         entry = self._entry(id_of(call.key))
         if not entry.board.ended:
             if entry.campaign is not None:
@@ -244,7 +244,7 @@ class IteratorService:
         return entry.board.snapshot()
 
     def resume(self, request: iterator_pb2.ResumeCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Go on with a campaign that a crash broke off, or resume one as a new campaign; answer at once."""
+        """Continue with a campaign that a crash broke off, or resume one as a new campaign; answer at once."""
         id = id_of(call.key)
         with self._resuming_alone(id) as shown:
             call.progress("reading back", 0.0, detail=f"campaign {id}")
@@ -356,7 +356,7 @@ class IteratorService:
             self._taken_rigs[spec.rig] = spec.id
 
     def _ended(self, spec: iterator_pb2.CampaignSpec) -> None:
-        """Free the rig, and let go of everything about a campaign but its status."""
+        """Free the rig, and release everything about a campaign but its status."""
         with self._lock:
             self._entries[spec.id] = _Entry(campaign=None, board=self._entries[spec.id].board)
             ended = [id for id, entry in self._entries.items() if entry.campaign is None]

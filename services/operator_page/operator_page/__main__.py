@@ -1,4 +1,4 @@
-"""`python -m operator_page --config FILE`: serve the page until it is told to end."""
+"""`python -m operator_page --config FILE`: serve the page until it is asked to end."""
 
 from duralab_bus import HostedService, service_main
 from operator_page.config import PageConfig

@@ -1,4 +1,4 @@
-"""What takes long, or reads what a stranger sent, in a process of its own: `python -m operator_page.child`.
+"""What takes long, or reads what a stranger sent, in a separate process: `python -m operator_page.child`.
 
 It reads one job, a pickle of this service's own making, from standard input, and writes a JSON document to standard
 output, or a sentence to standard error. It may take a bounded time and memory, and takes nothing with it when it dies.
@@ -40,7 +40,7 @@ _REFUSED: Final = 2
 
 
 def work(job: str, *values: Any) -> dict[str, Any]:
-    """Have a job done in a process of its own; raises LabError with its sentence where it cannot be done."""
+    """Have a job done in a separate process; raises LabError with its sentence where it cannot be done."""
     try:
         done = subprocess.run(
             [sys.executable, "-m", "operator_page.child"],

@@ -111,7 +111,7 @@ class Commands:
         return load_campaign(name if kind == "shipped" else self.folder / f"{name}.yaml")
 
     def begin(self, values: Begin, who: str) -> dict[str, Any]:
-        """Begin a campaign; it goes on without the page."""
+        """Begin a campaign; it continues without the page."""
         if values.kind == "shipped" and values.name not in (shipped := shipped_campaigns()):
             raise InputError(f"There is no shipped campaign {values.name!r}; there are {', '.join(shipped)}.")
         plan = self.campaign(values.kind, values.name)
@@ -151,7 +151,7 @@ class Commands:
         self._in_background(work, name="page-begin")
 
     def pre_test(self, rig: str, who: str) -> dict[str, Any]:
-        """Play small pulses on each drive of a rig and say what is wrong; it goes on without the page."""
+        """Play small pulses on each drive of a rig and say what is wrong; it continues without the page."""
         self._require_known(rig)
         self._holders.require(rig, who)
         self._did(who, f"Pre-test of {rig}.")
@@ -189,7 +189,7 @@ class Commands:
         return {"activity": progress.activity}
 
     def resume(self, id: str, values: Resume, who: str) -> dict[str, Any]:
-        """Continue a campaign that was broken off, or take an ended one up again; it goes on without the page."""
+        """Continue an interrupted campaign, or resume an ended one as a new campaign; it runs without the page."""
         rig = self._rig_of(id)
         self._holders.require(rig, who)
         self._did(who, f"Resume of campaign {id} on {rig}.")
@@ -207,7 +207,7 @@ class Commands:
     # Endurance tests.
 
     def begin_endurance(self, values: BeginEndurance, who: str) -> dict[str, Any]:
-        """Begin an endurance test of a schedule file; it goes on without the page."""
+        """Begin an endurance test of a schedule file; it continues without the page."""
         schedule = load_schedule(self.folder / f"{values.name}.yaml")
         self._require_known(schedule.rig)
         self._holders.require(schedule.rig, who)
@@ -245,7 +245,7 @@ class Commands:
         return self.stop(self._view.endurance.progress(id).rig, who, reason)
 
     def resume_endurance(self, id: str, who: str) -> dict[str, Any]:
-        """Go on with an endurance test whose sequencer ended, at its next repeat."""
+        """Continue with an endurance test whose sequencer ended, at its next repeat."""
         test = self._lab.endurance(id)
         self._holders.require(test.rig, who)
         progress = test.resume()

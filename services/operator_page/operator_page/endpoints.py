@@ -83,7 +83,7 @@ class Workers:
         return await asyncio.get_running_loop().run_in_executor(self._threads, job, *values)
 
     async def in_child(self, job: str, *values: Any) -> dict[str, Any]:
-        """Run a job of `operator_page.child` in a process of its own."""
+        """Run a job of `operator_page.child` in a separate process."""
         return await asyncio.get_running_loop().run_in_executor(self._children, partial(work, job, *values))
 
 

@@ -125,7 +125,7 @@ class EnduranceView:
             return found
 
     def documents(self, now: float) -> list[dict[str, Any]]:
-        """Return how far all tests are."""
+        """Return the progress of all endurance tests."""
         with self._lock:
             return [
                 endurance_document(each.progress, ended=each.ended, age=now - each.heard, read=each.read)

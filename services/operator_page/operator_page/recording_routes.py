@@ -20,7 +20,7 @@ from operator_page.requests import Nothing
 MOST_RECORDINGS: Final = 500
 MOST_COMPARED: Final = 6
 
-# Of a report: scripts and styles that it carries itself, in an origin of its own.
+# Of a report: scripts and styles that it carries itself, in its own origin.
 REPORT_POLICY: Final = (
     "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; font-src data:; frame-ancestors 'none'"

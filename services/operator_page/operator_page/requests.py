@@ -72,7 +72,7 @@ class Decide(Values):
 
 
 class Resume(Values):
-    """From which playback a campaign goes on; 0 is the last."""
+    """From which playback a campaign continues; 0 is the last."""
 
     from_iteration: int = Field(default=0, ge=0, lt=2**32)
 

@@ -130,7 +130,7 @@ class PageServer:
     # What every request has to show.
 
     def _is_own_name(self, host: str) -> bool:
-        """Return whether a browser reached the page by a name of its own: no other site's name may lead here."""
+        """Return whether a browser reached the page by its own name: no other site's name may lead here."""
         try:
             name = urlsplit(f"//{host}").hostname
         except ValueError:

@@ -84,7 +84,7 @@ def _hash(cookie: str) -> str:
 
 
 class RateLimit:
-    """So many calls at once, and so many a second after that, for each key; safe for threads."""
+    """So many calls at once, and so many second after that, for each key; safe for threads."""
 
     def __init__(
         self, at_once: float, per_second: float, *, most_keys: int = 10_000, clock: Callable[[], float] = time.monotonic

@@ -25,9 +25,9 @@ class RecorderConfig(ServiceConfig):
 
     # Where the recordings go; made if it is not there.
     folder: Path = Path("recordings")
-    # A file that is as large is finished, and the recording goes on in the next without a gap.
+    # A file that is as large is finished, and the recording continues in the next without a gap.
     split_size_mebibytes: Annotated[int, Field(ge=1, le=1024 * 1024)] = 512
-    # No playback is begun, and no interrupted recording taken up, while less is free on the folder's disk.
+    # No playback is begun, and no interrupted recording resumed, while less is free on the folder's disk.
     least_free_mebibytes: Annotated[int, Field(ge=0, le=1024 * 1024)] = 256
     # Address of a Rerun viewer that shows everything live; the recorder itself opens no port.
     viewer: Annotated[str | None, AfterValidator(_check_viewer)] = None

@@ -81,7 +81,7 @@ class _HashedStream:
 
 
 class McapLog:
-    """A new MCAP file, open for writing; where something is there already, that stays as it is (FileExistsError)."""
+    """A new MCAP file, open for writing; where something is there already, that stays unchanged (FileExistsError)."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
@@ -201,7 +201,7 @@ class McapLog:
         self._unsynced = False
 
     def close(self) -> None:
-        """Write the index and the footer and close the file; a closed file stays as it is."""
+        """Write the index and the footer and close the file; a closed file stays unchanged."""
         if self._stream.closed:
             return
         try:
@@ -212,13 +212,13 @@ class McapLog:
             self._stream.close()
 
     def release(self) -> None:
-        """Let go of a file that cannot be written any more, without an end."""
+        """Release a file that cannot be written any more, without an end."""
         # What is still buffered cannot be written either: closing tries it once more, and fails again.
         with contextlib.suppress(OSError):
             self._stream.close()
 
     def abandon(self) -> None:
-        """Let go of the file and remove it."""
+        """Release the file and remove it."""
         self.release()
         self.path.unlink(missing_ok=True)
 
@@ -276,7 +276,7 @@ _FOOTER_START: Final = struct.Struct("<BQQQ")
 def finish(path: Path, found: Unfinished, *, metadata: Mapping[str, Mapping[str, str]]) -> None:
     """Cut off what is not whole, write an ending in its place, and return when it is on the disk.
 
-    Where the disk refuses that, the file is left as it was found, without what was not whole.
+    Where the disk refuses that, the file is left unchanged, without what was not whole.
     """
     with path.open("r+b") as stream:
         stream.truncate(found.end)

@@ -11,7 +11,7 @@ from recorder.live import LiveView, Shown, UnreadableFileError, recording_of, sh
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the view of a recording; 0 where it is written, also of a file that was cut off, which is told of."""
+    """Write the view of a recording; 0 where it is written, also of a file that was cut off, which is reported."""
     parser = argparse.ArgumentParser(description="Make the live view of a recording again from its log.")
     parser.add_argument("files", type=Path, nargs="+", help="the recording's files, the first one first")
     parser.add_argument("--out", type=Path, required=True, help="the .rrd file to write")

@@ -90,7 +90,7 @@ class RecorderService:
         }
         # As they come: a view can do without some of them.
         bus.subscribe(keys.rig_pose(ANY), rig_pb2.PoseBlock, self._on_pose)
-        # Workers of their own: who reads recordings does not keep a campaign from going on.
+        # Separate workers: reading recordings does not hold up a campaign.
         bus.serve(keys.commit(), recorder_pb2.CommitRequest, _granting(partial(self.commit, bus)), workers=4)
         bus.serve(keys.recordings(), recorder_pb2.ListRecordingsRequest, _granting(self.list_recordings))
         bus.serve(
@@ -344,11 +344,11 @@ class RecorderService:
         settled = self._archive.take_settled()
         self._intake.settle(settled)
         for kind, subscription in self._marking.items():
-            # Also none: a stream of which every message is refused is let go by who is known to store.
+            # Also none: a stream of which every message is refused is released by who is known to store.
             subscription.mark([item.position for item in settled if isinstance(item.message, kind)])
 
     def _on_writer(self, job: Callable[[], ResultT], call: Call | None = None) -> ResultT:
-        """Have the writer's thread do something and wait for it; a disk that is slow is told of to the asker."""
+        """Have the writer's thread do something and wait for it; a disk that is slow is reported to the asker."""
         future = self._writer.call(job)
         while True:
             try:

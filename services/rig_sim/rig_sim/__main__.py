@@ -1,4 +1,4 @@
-"""`python -m rig_sim --config FILE`: run the rig simulator until it is told to end.
+"""`python -m rig_sim --config FILE`: run the rig simulator until it is asked to end.
 
 `--list` names the shipped rigs, `--specimens` says what their files hold; both as JSON.
 """

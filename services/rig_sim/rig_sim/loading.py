@@ -36,7 +36,7 @@ def rig_name(path: Path) -> str:
 
 
 def shipped_titles() -> dict[str, str]:
-    """Return what is mounted on each shipped rig, in words, by its name; nothing is loaded for it."""
+    """Return what is mounted on each shipped rig, as text, by its name; nothing is loaded for it."""
     return {name: read_document(path)["title"] for name, path in shipped_specimens().items()}
 
 

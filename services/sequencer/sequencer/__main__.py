@@ -7,7 +7,7 @@ HOSTED = HostedService(SERVICE, SequencerConfig, build)
 """The service as one of several in a process."""
 
 if __name__ == "__main__":
-    # Every test has a thread of its own, and holds its responses there.
+    # Every test has its own thread, and holds its responses there.
     keep_few_arenas(2)
     # Half a second and more of imports, which the first damage would wait for.
     service_main(

@@ -54,7 +54,7 @@ _EVENT_BYTES: Final = 16 * 1024 * 1024
 class SequencerConfig(ServiceConfig):
     """Configuration of the sequencer."""
 
-    # A test goes on in another recording after so many: what a service holds of a recording is bounded by it.
+    # A test continues in another recording after so many: what a service holds of a recording is bounded by it.
     repeats_per_recording: Annotated[int, Field(ge=1, le=100_000)] = 1000
     # Folder of the last repeats, which an alarm may ask for; without it, a crash of the sequencer loses their samples.
     held_folder: Path | None = None
@@ -86,7 +86,7 @@ class SequencerService:
         keys = bus.keys
         bus.serve(keys.endurance_start(ANY), sequencer_pb2.EnduranceSpec, self.start)
         bus.serve(keys.endurance(ANY), sequencer_pb2.EnduranceRequest, self.status)
-        # Workers of their own: a stop must get through whatever else is asked.
+        # Separate workers: a stop must get through whatever else is asked.
         bus.serve(keys.endurance_stop(ANY), sequencer_pb2.StopEnduranceRequest, self.stop, workers=4)
         bus.serve(keys.endurance_hold(ANY), sequencer_pb2.HoldEnduranceRequest, self.hold, workers=4)
         bus.serve(keys.endurance_resume(ANY, ANY), sequencer_pb2.ResumeEnduranceRequest, self.resume)
@@ -119,7 +119,7 @@ class SequencerService:
             return self._begin(plan, fresh_progress(plan))
 
     def resume(self, request: sequencer_pb2.ResumeEnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
-        """Go on after a hold of a person or a fault, or after a crash of the sequencer; answer at once."""
+        """Continue after a hold of a person or a fault, or after a crash of the sequencer; answer at once."""
         del request
         id = id_of(call.key)
         with self._lock:
@@ -135,7 +135,7 @@ class SequencerService:
         with self._admitting(id, recorded.spec.rig, again=True):
             description = described_rig(self._bus, recorded.spec.rig)
             require_same_rig(recorded, description)
-            # Only now nobody else can go on with it.
+            # Only now nobody else can continue with it.
             recorded = read_endurance(self._bus, id)
             require_open(recorded)
             go_on_recording(self._bus, recorded)
@@ -187,7 +187,7 @@ class SequencerService:
         return self._entry(id_of(call.key)).board.snapshot()
 
     def stop(self, request: sequencer_pb2.StopEnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
-        """End a test, and stop and latch its rig whatever that does; one that has ended stays as it is."""
+        """End a test, and stop and latch its rig whatever that does; one that has ended stays unchanged."""
         entry = self._entry(id_of(call.key))
         if entry.test is not None:
             entry.test.stop(request.reason or "no reason was given")
@@ -219,7 +219,7 @@ class SequencerService:
 
     @contextmanager
     def _admitting(self, id: str, rig: str, *, again: bool = False) -> Iterator[None]:
-        """Keep id and rig for a test that is being checked; let go of them where it is refused."""
+        """Keep id and rig for a test that is being checked; release them where it is refused."""
         with self._lock:
             if (id in self._entries and not again) or id in self._taken_rigs.values():
                 raise _already_exists(id)
@@ -250,7 +250,7 @@ class SequencerService:
         return entry
 
     def _ended(self, id: str, rig: str) -> None:
-        """Free the rig, and let go of everything about a test but its status."""
+        """Free the rig, and release everything about a test but its status."""
         with self._lock:
             self._entries[id] = _Entry(test=None, board=self._entries[id].board)
             ended = [each for each, entry in self._entries.items() if entry.test is None]
@@ -265,7 +265,7 @@ class SequencerService:
             try:
                 publisher.put(sequencer_pb2.EnduranceEvent(status=status))
             except (BusError, SpoolFullError) as error:
-                # Who watches may ask; the test goes on.
+                # Who watches may ask; the test continues.
                 structlog.get_logger(SERVICE).warning("An event was not published.", test=id, why=str(error))
             if is_final(status):
                 publisher.close()

@@ -63,7 +63,7 @@ def total_damage(events: Sequence[EventTally]) -> NDArray[np.float64]:
 
 
 def planned_damage(events: Sequence[EventTally], *, whole: bool) -> NDArray[np.float64] | None:
-    """Return the damage planned of the whole schedule or of what was played; None where it is not known of an event."""
+    """Return the planned damage of the whole schedule or of its played part; None if that of an event is unknown."""
     planned = np.zeros(events[0].damage.size)
     for event in events:
         per_repeat = event.damage_per_repeat

@@ -162,9 +162,9 @@ def _refuse_for_frf(**options: object) -> None:
     """Refuse options that say how signals are written: nothing of the kind is done to frequency responses."""
     for name, value in options.items():
         if value not in (None, []):
-            told = " ".join(map(str, value)) if isinstance(value, list) else value
+            given = " ".join(map(str, value)) if isinstance(value, list) else value
             raise InputError(
-                f"--{name.replace('_', '-')} is {told}; the frequency responses are the model's and are written as "
+                f"--{name.replace('_', '-')} is {given}; the frequency responses are the model's and are written as "
                 "they are, so leave it out.",
                 field=name,
             )

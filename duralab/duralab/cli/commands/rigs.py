@@ -54,8 +54,8 @@ def rigs(endpoint: Connect = None, as_json: Json = False) -> None:
 
 def _document(rig: Rig) -> dict[str, object]:
     channels = {kind: [_channel(one) for one in getattr(rig, kind)] for kind in ("drives", "responses")}
-    told = {name: value for name, value in vars(rig).items() if name != "static_response"}
-    return {**told, **channels, "overdue": rig.overdue}
+    values = {name: value for name, value in vars(rig).items() if name != "static_response"}
+    return {**values, **channels, "overdue": rig.overdue}
 
 
 def _channel(channel: Channel) -> dict[str, object]:

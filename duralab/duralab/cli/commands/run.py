@@ -127,7 +127,7 @@ def run(
 def _run_project(
     source: str, output: Output, *, out: Path | None, endpoint: str | None, alone: dict[str, bool]
 ) -> None:
-    """Run a project; what its folder holds already is not made again. `alone`: Options of a single campaign."""
+    """Run a project without repeating the results in its folder. `alone`: Options of a single campaign."""
     from duralab.campaign import load_project
     from duralab.lab import DEFAULT_RIGS, EventResult
     from duralab.processes import require_shipped

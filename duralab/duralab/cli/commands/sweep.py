@@ -86,7 +86,7 @@ def sweep(
     if forecast:
         if at_most is not None or scheduler is not None:
             raise InputError("--forecast runs nothing; leave out --at-most and --scheduler.", field="forecast")
-        _tell_forecast(output, forecast_sweep(plan, out=folder, workers=workers))
+        _show_forecast(output, forecast_sweep(plan, out=folder, workers=workers))
         return
     output.say(f"Sweep {plan.name} of campaign {plan.campaign}, into {folder}.")
     try:
@@ -112,7 +112,7 @@ def sweep(
         )
 
 
-def _tell_forecast(output: Output, found: SweepForecast) -> None:
+def _show_forecast(output: Output, found: SweepForecast) -> None:
     remain = found.total - found.ended
     output.say(f"{found.total:,} campaigns: {found.ended:,} have ended, {found.failed:,} of them failed.")
     if found.seconds_each is None or found.seconds_left is None:
@@ -207,8 +207,8 @@ class _Display:
         """Show how far the sweep is."""
         found = [f"{progress.failed} failed"] if progress.failed else []
         if progress.best is not None:
-            told = settings_in_words(tuple(progress.best_settings), progress.best_settings)
-            found.append(f"best {progress.best:.4f} with {told}")
+            settings = settings_in_words(tuple(progress.best_settings), progress.best_settings)
+            found.append(f"best {progress.best:.4f} with {settings}")
         words = ", ".join(found)
         self._progress.update(self._task, total=progress.total, completed=progress.ended, description=words)
         step = progress.ended * _LINES // max(1, progress.total)

@@ -36,7 +36,7 @@ def view(
         if file is not None and is_recording(file):
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="duralab-view-")))
             output.say("Making the live view again from the log …")
-            file = rebuilt_view(file, folder / "live.rrd", tell=output.say)
+            file = rebuilt_view(file, folder / "live.rrd", report=output.say)
         viewer = stack.enter_context(Viewer(port=port, web_port=web_port, native=False if web else None, file=file))
         output.document({"address": viewer.address, "page": viewer.page}, on_one_line=True)
         say_where(viewer, output)

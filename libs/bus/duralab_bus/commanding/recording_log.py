@@ -88,7 +88,7 @@ class RecordingLog:
         self._send(self._next_step - 1, last)
 
     def _send(self, step: int, message: Message) -> None:
-        # The same message must be the same bytes: a step that is sent again is told from another by its hash.
+        # The same message must be the same bytes: a step that is sent again is distinguished from another by its hash.
         payload = message.SerializeToString(deterministic=True)
         acknowledged = self._acknowledged(
             recorder_pb2.CommitRequest(

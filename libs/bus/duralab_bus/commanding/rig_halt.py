@@ -11,7 +11,7 @@ from duralab_bus.bus import Bus
 from duralab_bus.faults import FaultError
 from duralab_proto.v1 import rig_pb2
 
-# A cancelled playback reaches the rig through the identifier too; it needs this long to be let go and ramp down.
+# A cancelled playback reaches the rig through the identifier too; it needs this long to be released and ramp down.
 _PATIENCE_SECONDS: Final = 2.0
 _POLL_SECONDS: Final = 0.1
 # A cancelled identification may still be about to play: a service learns of it 0.3 s after its client let go.

@@ -60,7 +60,7 @@ def log_stacks_on_signal() -> None:
     """
     if sys.platform == "win32":
         return
-    # On a thread of its own: the main one may be in the middle of a line of the log.
+    # On its own thread: the main one may be in the middle of a line of the log.
     signal.signal(signal.SIGUSR1, lambda _number, _frame: threading.Thread(target=log_stacks, daemon=True).start())
 
 
@@ -98,7 +98,7 @@ def run_service(
     instances: Sequence[str] = (MAIN_INSTANCE,),
     needs_later: Sequence[str] = (),
 ) -> None:
-    """Run a service until it is told to end.
+    """Run a service until it is asked to end.
 
     `build` is called with the open bus and declares what it serves. It may return a context manager, entered at once
     and left before the bus closes. Instances are declared live after everything else: the rigs of rig_sim, "main" of
@@ -246,7 +246,7 @@ class _StopSignal:
             while self._signal_reads.recv(1)[0] == signal.SIGUSR1:
                 log_stacks()
         # The system may have given the signal to any thread, e.g. where the main one was just about to take another.
-        # Python's handler runs on the main one alone, and that would go on waiting.
+        # Python's handler runs on the main one alone, and that would continue waiting.
         self._main_writes.send(b"!")
         time.sleep(_EXIT_SECONDS)
         self._log.error("Something is stuck; the process ends without it.", after_seconds=_EXIT_SECONDS)

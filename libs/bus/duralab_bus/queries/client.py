@@ -379,7 +379,7 @@ class QueryClient:
     def _expect_another_ask(self, question: _Question[Any], *, gone: bool) -> None:
         """Raise why a query ended without a result; return where it may be asked again.
 
-        Zenoh itself does not tell a killed service from a missing one, nor from a connection that was just made anew:
+        Zenoh itself does not tell a killed service from a missing one, nor from a connection that was just made again:
         there a query may end within milliseconds, before the keys of the others are known again (its issue 2767).
         """
         ended = time.monotonic()
@@ -413,7 +413,7 @@ class QueryClient:
         )
 
     def _interrupted(self, question: _Question[Any]) -> FaultError:
-        """Return that a query was cut off by a connection: the router's, or else that of the service."""
+        """Return the error of a query whose connection broke: the router's, or that of the service."""
         if question.effect is Effect.READ:
             outcome = f"{question.key}, a read, has no answer after being asked {question.asks} times; ask again"
         else:

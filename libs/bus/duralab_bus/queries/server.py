@@ -161,7 +161,7 @@ class Served:
         self._closed = False
 
     def close(self) -> None:
-        """Take no more queries; those that run go on."""
+        """Take no more queries; those that run continue."""
         if not self._closed:
             self._closed = True
             while (query := self._inbox.next_at_once()) is not None:
@@ -217,7 +217,7 @@ class QueryServer:
         if self._askers is None:
             self._askers = self._session.declare(
                 lambda joined: joined.liveliness().declare_subscriber(
-                    # Those that are there already are told as well: a link that is made anew brings them back.
+                    # Those that are there already are told as well: a link that is made again brings them back.
                     self._keys.asking(ANY),
                     zenoh.handlers.Callback(self._on_asker, indirect=False),
                     history=True,
@@ -255,7 +255,7 @@ class QueryServer:
         return served
 
     def forget(self, served: Served, route: _Route) -> None:
-        """Let go of what is served no more; the jobs of its own pool that wait are still done."""
+        """Release what is served no more; the jobs of its own pool that wait are still done."""
         with self._changed:
             self._served.discard(served)
             if route in self._routes:

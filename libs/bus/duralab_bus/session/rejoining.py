@@ -181,7 +181,7 @@ class BusSession:
         self._close_current()
 
     def _close_current(self) -> None:
-        # Closing waits for Zenoh's own threads; a stuck link must not keep anybody from going on.
+        # Closing waits for Zenoh's own threads; a stuck link must not hold up the others.
         closing = threading.Thread(target=self.current.close, name="duralab_bus-close", daemon=True)
         closing.start()
         closing.join(_CLOSE_SECONDS)

@@ -261,7 +261,7 @@ def _zenoh_config(config: BusConfig, listening: tuple[str, ...]) -> zenoh.Config
                 "listen": {"endpoints": listening, "timeout_ms": 0, "exit_on_failure": True},
                 "connect": {
                     "endpoints": config.connect,
-                    # Zenoh's default is to go on without a word, and to try again for ever.
+                    # Zenoh's default is to continue without a word, and to try again forever.
                     "timeout_ms": round(config.connect_timeout_seconds * 1e3),
                     "exit_on_failure": True,
                     "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2},

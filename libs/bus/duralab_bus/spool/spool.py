@@ -57,11 +57,11 @@ class Store(ABC):
 
     @abstractmethod
     def drop_before(self, seq: int) -> None:
-        """Let go of messages below a number, as far as they can be."""
+        """Release messages below a number, as far as they can be."""
 
     @abstractmethod
     def drop_oldest(self) -> int | None:
-        """Let go of the oldest; return the lowest number that is left, or None where no older one can go."""
+        """Release the oldest; return the lowest number that is left, or None where no older one can go."""
 
     @abstractmethod
     def close(self, *, delete: bool) -> None:
@@ -240,7 +240,7 @@ class Spool:
             return self._store.read(range(first, min(stop, self._next, first + most)))
 
     def mark(self, marked: int) -> None:
-        """Note that all below a number are stored elsewhere; let go of them. From now on somebody is waited for."""
+        """Note that all below a number are stored elsewhere; release them. From now on somebody is waited for."""
         with self._lock:
             self.held = True
             self._marked = min(max(marked, self._marked), self._next)

@@ -56,10 +56,10 @@ class _Followed(Generic[MessageT]):
 
 
 class StreamRepair(Generic[MessageT]):
-    """Follows all streams of one subscription; asks on a thread of its own. Safe for threads.
+    """Follows all streams of one subscription; asks on its own thread. Safe for threads.
 
-    `deliver` takes what was fetched, or nothing where what is held back may go on; calls `take`, and one of the owner's
-    callbacks for each that it returns, however long that takes.
+    `deliver` is called with what was fetched, or with nothing where messages that were held back may continue; it calls
+    `take`, and one of the owner's callbacks for each message that `take` returns, however long that takes.
     """
 
     def __init__(

@@ -128,7 +128,7 @@ class SpoolOffer:
         self._expression = zenoh.KeyExpr(key)
 
     def is_on(self, stream: zenoh.KeyExpr) -> bool:
-        """Whether a key, or an expression, is that of its stream."""
+        """Return whether a key or key expression is that of the stream."""
         return stream.intersects(self._expression)
 
     def retire(self) -> None:
@@ -193,7 +193,7 @@ class ReplayServer:
     """Answers for the spools of one session: replays one after the other on one thread, heads and marks on another.
 
     It asks to be asked for a whole family of streams, such as all runs of a rig, and once: Zenoh 1.10.2 forgets nothing
-    that was ever declared on a key of its own, and every declaration takes longer for it (see `queries/client.py`).
+    that was ever declared on its own key, and every declaration takes longer for it (see `queries/client.py`).
     """
 
     def __init__(self, session: BusSession) -> None:
@@ -298,7 +298,7 @@ class ReplayServer:
         self._small.put(KEPT_SECONDS, lambda: self._expire(offer))
 
     def settle(self, offer: SpoolOffer) -> None:
-        """Let go of a spool that nobody needs any more; its end is still told for a moment."""
+        """Release a spool that nobody needs any more; its end is still told for a moment."""
         offer.spool.close(delete=True)
         self._small.put(LAST_HEAD_SECONDS, lambda: self.withdraw(offer))
 
@@ -329,7 +329,7 @@ class ReplayServer:
             self.withdraw(offer)
 
     def withdraw(self, offer: SpoolOffer) -> None:
-        """Offer it no more, and let go of what was kept."""
+        """Offer it no more, and release what was kept."""
         with self._lock:
             if offer not in self._offers:
                 return

@@ -139,7 +139,7 @@ class Subscription(Generic[MessageT]):
                 if self._closed:
                     self._rest.append(sample)
                     return
-                # Waiting lets go of the interpreter's lock, which costs more than a message: only when none is left.
+                # Waiting releases the interpreter's lock, which costs more than a message: only when none is left.
                 more = itertools.islice(iter(self._inbox.next_at_once, None), _MOST_AT_ONCE)
                 self._deliver(self._read_all([sample, *more]))
 

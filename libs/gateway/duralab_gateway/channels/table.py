@@ -23,12 +23,12 @@ class ChannelTable(Section):
         default=(), strict=False, description="Responses that are calculated from the measured ones."
     )
 
-    def complete(self, told: rig_pb2.RigDescription, *, today: date) -> rig_pb2.RigDescription:
+    def complete(self, given: rig_pb2.RigDescription, *, today: date) -> rig_pb2.RigDescription:
         """Return a complete description with sensors and calculated responses; its content hash is another one.
 
         Parameters
         ----------
-        told : rig_pb2.RigDescription
+        given : rig_pb2.RigDescription
             With static response and content hash; not changed.
         today : date
             No calibration is later.
@@ -44,7 +44,7 @@ class ChannelTable(Section):
             A channel does not exist or exists twice, a unit does not convert, or a sensor cannot be; one sentence.
         """
         description = rig_pb2.RigDescription()
-        description.CopyFrom(told)
+        description.CopyFrom(given)
         measured = {channel.name: channel for channel in description.responses}
         if unknown := [name for name in self.sensors if name not in measured]:
             raise ValueError(f"there is no response {', '.join(unknown)}; there are {', '.join(measured)}.")
@@ -63,11 +63,11 @@ class ChannelTable(Section):
         for channel in description.responses:
             check_sensor(channel, drives=drives, today=today)
         if self.calculated:
-            static = from_array(told.static_response, field="static_response")
+            static = from_array(given.static_response, field="static_response")
             rows = [weighted_sum(factors, static) for factors in self.rows(description)]
             description.static_response.CopyFrom(to_array(np.concatenate([static, rows])))
         if self.sensors or self.calculated:
-            content = f"{told.content_hash}\n{self.model_dump_json()}"
+            content = f"{given.content_hash}\n{self.model_dump_json()}"
             description.content_hash = hashlib.sha256(content.encode()).hexdigest()
         return description
 

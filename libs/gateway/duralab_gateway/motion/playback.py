@@ -187,7 +187,7 @@ class DrivePlayback(ABC):
     def blocks(self) -> Iterator[Block]:
         """Play the drive on, block by block, after the approach where that was not iterated over; the last is shorter.
 
-        Raises `RigFaultError` where the rig cannot go on; names what happened and when.
+        Raises `RigFaultError` where the rig cannot continue; names what happened and when.
         """
         for _ in self.approach():
             pass

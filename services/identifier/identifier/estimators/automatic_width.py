@@ -118,7 +118,7 @@ def solve_widths(widths: Widths, spectra: AveragedSpectra) -> tuple[LocalSolutio
 
 
 def _solved(candidates: tuple[LocalSums, ...]) -> tuple[list[LocalSolution], list[int]]:
-    """Solve those that can be: within few lines the start of a sweep cannot be told from a transient."""
+    """Solve those that can be: within few lines the start of a sweep cannot be distinguished from a transient."""
     solutions, widths = [], []
     for sums in candidates:
         try:

@@ -1,7 +1,7 @@
 """From the triangular factor of a local regression to the FRF, polynomial or rational.
 
 With the columns ordered drives first, the factor is ``[[R11, R12], [0, R22]]``: what of the responses the drives
-explain stands in ``R12``, what they do not in ``R22``. Each response has a denominator of its own.
+explain stands in ``R12``, what they do not in ``R22``. Each response has its own denominator.
 """
 
 from dataclasses import dataclass

@@ -79,7 +79,7 @@ class PeriodicityCheck:
         if capture.periods > 1:
             self._carried += np.mean(power, axis=1)
         else:
-            # What decayed by this much over three quarters goes on decaying so in the four of the capture.
+            # What decayed by this much over three quarters continues decaying so in the four of the capture.
             by_quarter = np.clip(_ratio(power[:, -1], power[:, 0]), 0.0, 1.0) ** (1.0 / (_QUARTERS - 1))
             self._carried += power[:, -1] * np.mean(by_quarter[:, None] ** np.arange(1, _QUARTERS + 1), axis=1)
 

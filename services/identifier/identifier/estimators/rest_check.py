@@ -20,7 +20,7 @@ _SHORTEST_REST = 8
 class RestCheck:
     """Looks at the rest behind every burst or sweep, in the memory of a block.
 
-    A response that rings on decays from the third quarter of the rest to its last, and is taken to go on so into the
+    A response that rings on decays from the third quarter of the rest to its last, and is taken to continue so into the
     next block. Noise does not decay.
 
     `layout`: Of bursts or sweeps, a block each; nothing is checked of another. `drives`, `responses`: Channels, 1 or

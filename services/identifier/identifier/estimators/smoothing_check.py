@@ -107,7 +107,7 @@ def differences_from_h1(
         frequency=spectra.frequency[lines],
         least=np.maximum(NOTICED_SHARE, transients),
         judge="h1 of the same captures shows",
-        # With few lines the drive where a sweep begins cannot be told from a transient.
+        # With few lines the drive where a sweep begins cannot be distinguished from a transient.
         remedy="take h1 or random_orthogonal" if sweeps else f"take h1{_or_narrower(neighbourhood)}",
         neighbourhood=neighbourhood,
     )

@@ -77,13 +77,13 @@ def model_of(
     levels: DistortionLevels | None,
     drive_map: identifier_pb2.DriveMap | None = None,
 ) -> IdentifiedModel:
-    """Put together what was asked, played and estimated.
+    """Build the model message from the request, the record and the estimates.
 
-    `request`: What was asked for. `settings`: The same, read. `rig`: What it was played on. `layout`: Of the drive.
-    `estimate`, `static`: From that playback. `played`: Its result, for its epoch and number of signal blocks.
-    `response`: Shape (responses, samples), as measured. `levels`: From `distortion_of`. `drive_map`: Of the drives that
-    `estimate` is made from; None where none was asked for.
-    Returns: With its id.
+    `request`: The query. `settings`: Its settings, parsed. `rig`: Description of the rig. `layout`: That of the drive.
+    `estimate`, `static`: Estimates from the playback. `played`: Result of the playback, for its epoch and number of
+    signal blocks. `response`: Measured responses (responses, samples). `levels`: Result of `distortion_of`.
+    `drive_map`: Drive map learned from the same record, or None if none was requested.
+    Returns the model with its id.
     """
     filled, band = fill_lines(estimate), valid_band(layout)
     warnings = (*estimate.warnings, *static_warnings(static, estimate, hold=settings.static_hold))

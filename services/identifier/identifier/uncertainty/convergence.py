@@ -33,7 +33,7 @@ class Convergence:
 
     @property
     def sentence(self) -> str:
-        """The finding in words."""
+        """The finding as text."""
         line = int(np.argmax(self.spectral_radius_95))
         radius, bound = float(np.max(self.spectral_radius)), float(self.spectral_radius_95[line])
         where = f"{self.frequency[line]:.3g} Hz"

@@ -58,7 +58,7 @@ def model_difference(
 def difference_sentences(
     difference: ModelDifference, *, frequency: NDArray[np.float64], responses: Sequence[str]
 ) -> tuple[str, ...]:
-    """Say in words where two models differ.
+    """Say as text where two models differ.
 
     `difference`: From `model_difference`. `frequency`: Shape (lines), in hertz. `responses`: Names of the channels, in
     order.

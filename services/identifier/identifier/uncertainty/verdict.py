@@ -139,7 +139,7 @@ def separated_verdicts(
 
 
 def unexplained_verdicts(shares: Shares, *, responses: Sequence[str]) -> tuple[str, ...]:
-    """Say how much of each response the model does not explain, where its causes cannot be told apart.
+    """Say how much of each response the model does not explain, where its causes cannot be distinguished.
 
     `shares`: From `unexplained_shares`. `responses`: Names of the channels, in order.
     Returns: One sentence for each.

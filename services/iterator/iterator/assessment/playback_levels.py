@@ -80,7 +80,7 @@ def judge_end_at_levels(
     `metrics`: From the first playback to the last, one or more. `criteria`: When to end. `levels`: Of the first
     playbacks. `since`: Playbacks before those whose figures are comparable with the last one's; they count for the
     damage budget only.
-    Returns: None: go on.
+    Returns: None: continue.
     """
     partial = partial_playbacks(levels)
     if len(metrics) <= partial:

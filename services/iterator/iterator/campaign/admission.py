@@ -89,7 +89,7 @@ def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescri
 
 
 def read_parent(bus: Bus, recorded: RecordedCampaign) -> RecordedCampaign:
-    """Read back the campaign that another one was taken up from, with all that is taken over from it.
+    """Read back the campaign that another one was resumed from, with all that is taken over from it.
 
     `bus`: Where the recorder is. `recorded`: The campaign that takes over.
     Returns: Its parent.
@@ -119,10 +119,10 @@ def _no_parent(recorded: RecordedCampaign, why: str) -> FaultError:
 
 
 def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:
-    """Make sure that the recorder goes on with a recording; close it where only that is missing.
+    """Make sure that the recorder continues with a recording; close it where only that is missing.
 
     `bus`: Where the recorder is. `recorded`: Not closed.
-    Raises `FaultError`: FAILED_PRECONDITION where the recorder cannot go on with it, because a file of it is damaged.
+    Raises `FaultError`: FAILED_PRECONDITION if the recorder cannot continue it because a file of it is damaged.
     """
     log = RecordingLog(bus, recorded.spec.id, next_step=recorded.steps)
     try:

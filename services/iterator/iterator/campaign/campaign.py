@@ -51,7 +51,7 @@ _PAUSED: Final = "paused"
 
 
 class Campaign:
-    """Runs one campaign on a thread of its own. A motion is asked for once and never again.
+    """Runs one campaign on its own thread. A motion is asked for once and never again.
 
     `plan`: Checked. `bus`: Where rig, identifier and recorder are. `board`: Shows the others how it goes. `on_end`:
     Called on the campaign's thread when the rig is free again, before the final status shows. `resumption`: What was
@@ -124,7 +124,7 @@ class Campaign:
         final = self._final_fault(fault)
         try:
             final = self._performed()
-        except Exception:  # noqa: BLE001 - whatever it is, the campaign must not stay open for ever
+        except Exception:  # noqa: BLE001 - whatever it is, the campaign must not stay open forever
             self._journal.exception("The campaign could not be brought to its end.", step=self._step)
         finally:
             self._journal.info("campaign ended", how=final.activity)

@@ -93,7 +93,7 @@ def _stood_still(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> 
 
 
 def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criteria: StopCriteria) -> str | None:
-    """Return why the best drive is not played once more, in words; None where nothing speaks against it."""
+    """Return why the best drive is not played once more, as text; None where nothing speaks against it."""
     if outcome is Outcome.DIVERGED:
         return "the iteration diverged"
     if outcome is Outcome.RESPONSE_STOOD_STILL:

@@ -190,7 +190,7 @@ class Holds:
         return self._applied(answer.decision, answer.revised)
 
     def _applied(self, decision: iterator_pb2.Decision, revised: _Revised) -> Revision | None:
-        """Go on by a stored decision; raises EndedAtHoldPointError where it ends the campaign."""
+        """Continue by a stored decision; raises EndedAtHoldPointError where it ends the campaign."""
         if decision.kind == iterator_pb2.DECISION_KIND_END:
             raise EndedAtHoldPointError(
                 f"Ended at the hold point before playback {decision.playback} by {decision.name}: {decision.reason}"

@@ -28,7 +28,7 @@ def known_experiment(
     """Check the model that a campaign starts from; return the experiment that it was identified with.
 
     `spec`: With a model; nothing in it is trusted. `description`: Of the rig now. `is_new`: Whether the campaign starts
-    now; the model's age does not count where it goes on.
+    now; the model's age does not count where it continues.
     Raises `FaultError`: INVALID_ARGUMENT or FAILED_PRECONDITION with the field.
     """
     known, model = spec.known, spec.known.model

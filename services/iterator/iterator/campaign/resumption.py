@@ -1,4 +1,4 @@
-"""What a campaign goes on from: its own recording after a crash, or that of its parent with other settings."""
+"""What a campaign continues from: its own recording after a crash, or that of its parent with other settings."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def lacks_copies(recorded: RecordedCampaign) -> bool:
 
 
 def same_campaign(recorded: RecordedCampaign, parent: RecordedCampaign | None = None) -> Resumption:
-    """Return what a campaign that was broken off by a crash goes on from.
+    """Return what a campaign that was broken off by a crash continues from.
 
     `recorded`: Not closed. `parent`: Given where it `lacks_copies`; holds them.
     Returns: All that it holds, and the copies that it lacks.
@@ -110,7 +110,7 @@ def new_campaign(
 
     `recorded`: The parent. `request`: With `new_id`; nothing in it is trusted.
     Returns: The parent's with other settings, and its model and first playbacks.
-    Raises `FaultError`: INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where there is nothing to take up.
+    Raises `FaultError`: INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where there is nothing to resume.
     """
     parent, there = recorded.spec.id, len(recorded.iterations)
     if recorded.model is None:
@@ -131,7 +131,7 @@ def new_campaign(
             "rule; start a new campaign.",
             field="new_id",
         )
-    # What was changed for the playback after the last one counts for a campaign that goes on there.
+    # What was changed for the playback after the last one counts for a campaign that continues there.
     changed_for = kept + (kept == there)
     spec = revised_specification(recorded.spec, *(each for each in recorded.decisions if each.playback <= changed_for))
     spec.id, spec.parent, spec.parent_iteration = request.new_id, parent, kept
@@ -171,7 +171,7 @@ def require_same_drive_map(before: ResolvedUpdate, after: ResolvedUpdate) -> Non
 
 
 def require_no_settings(request: iterator_pb2.ResumeCampaignRequest) -> None:
-    """Refuse other settings for a campaign that goes on in its own recording.
+    """Refuse other settings for a campaign that continues in its own recording.
 
     `request`: Without `new_id`.
     Raises `FaultError`: INVALID_ARGUMENT naming the setting.

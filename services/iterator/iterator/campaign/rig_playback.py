@@ -35,7 +35,7 @@ def words_of(progress: query_pb2.Progress, *, run: str) -> str:
 
 
 class RigPlayback:
-    """The rig of one campaign; used by its thread.
+    """Playbacks on the rig of one campaign; used by the campaign's thread.
 
     `plan`: Names the rig and its channels. `bus`: Where it is. `log`: Every motion is announced in it. `planned`: Runs
     that were announced before this process. `cancel`: Breaks a playback off.

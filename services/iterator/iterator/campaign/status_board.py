@@ -141,7 +141,7 @@ class StatusBoard:
     ) -> iterator_pb2.CampaignStatus:
         """Return what the status will be at the end, without showing it yet: it is stored first.
 
-        `phase`: FINISHED, FAULTED or STOPPED. `activity`: How it ended, in words. `outcome`: Of a finished campaign.
+        `phase`: FINISHED, FAULTED or STOPPED. `activity`: How it ended, as text. `outcome`: Of a finished campaign.
         `fault`: Of one that is not finished.
         """
         status = self._copy()

@@ -132,7 +132,7 @@ class Lineage:
         self.history = IterationHistory(basis.controlled_target, playbacks, start=self._start())
         last = line[-1] if line else None
         self.last_drive = None if last is None else last.drive
-        # What an update learned of the rig is kept where it goes on from there; otherwise it learns again.
+        # What an update learned of the rig is kept where it continues from there; otherwise it learns again.
         self.model = last.model if last is not None and basis.updates_as(last.basis) else self._informed(basis.model)
         self.forecast = last.forecast if last is not None and basis.judges_as(last.basis) else None
 

@@ -160,7 +160,7 @@ class _Record:
 
     @property
     def significant(self) -> NDArray[np.bool_]:
-        """Which response each pulse has moved, (responses, drives)."""
+        """Return which responses each pulse moved, (responses, drives)."""
         return self.peak > SIGNIFICANT * self.floor[:, None]
 
     def lag_behind_drives(self) -> NDArray[np.float64]:

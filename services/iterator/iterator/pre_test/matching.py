@@ -16,7 +16,7 @@ _LIKE: Final = 0.6
 _SMALLEST_GAIN: Final = 0.2
 # Between drives that move a response their energies count by this power: a weak one tells as much of order and sign.
 _POWER: Final = 0.5
-# Changes whose gains differ by less cannot be told apart.
+# Changes whose gains differ by less cannot be distinguished.
 _ALIKE: Final = 0.03
 
 

@@ -52,7 +52,7 @@ def fit_secant(
     It is written as `H_0 + (S̄_ΔyΔu - H_0 S̄_ΔuΔu) P`, so that steps which `H_0` explains leave it as it is. Lines
     without any drive keep `H_0`.
 
-    A fixed prior keeps `κ / (1 + κ)` of an error of `H_0` for ever: a quarter of a wrong sign or of a delay by half a
+    A fixed prior keeps `κ / (1 + κ)` of an error of `H_0` forever: a quarter of a wrong sign or of a delay by half a
     period, and the iteration crawls. Where the fit explains the steps far better than `H_0`, the prior is therefore
     weakened, down to a tenth; distortion and noise, which no FRF explains, leave it as it is.
 

@@ -43,7 +43,7 @@ class SampleOrder:
 
     @property
     def finding(self) -> str:
-        """The first two blocks that do not join, in words; empty where all do."""
+        """The first two blocks that do not join, as text; empty where all do."""
         if self._misfit is None:
             return ""
         number, begins, ends = self._misfit

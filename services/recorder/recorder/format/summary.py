@@ -1,6 +1,6 @@
 """What each file of a recording says at its end about everything stored so far: the metadata `summary`.
 
-It lets a recorder go on with a recording without reading what lies before, and a reader judge what it has read.
+It lets a recorder continue with a recording without reading what lies before, and a reader judge what it has read.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def _added(step: Message) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Summary:
-    """What a recording says about itself at the end of a file: why it ends, what is stored so far, which file goes on.
+    """Summary of a recording at the end of a file: why it ends, what is stored so far, which file continues it.
 
     `step_types`, `step_hashes`: Full name of each step's message, and SHA-256 (hexadecimal) of its payload.
     """

@@ -45,6 +45,6 @@ class Piece(Generic[ItemT]):
         self._items.append(item)
 
     def take(self) -> list[ItemT]:
-        """Return everything and begin anew."""
+        """Return everything and begin again."""
         items, self._items = self._items, []
         return items

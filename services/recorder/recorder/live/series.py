@@ -97,8 +97,8 @@ class Curve:
             case Look.EARLIER:
                 return _line(names=name, colors=FIRST_COLOUR, widths=0.8, visible_series=[False])
             case Look.REPEATED:
-                told = f"{name} (attempt {self.playback.attempt})"
-                return _line(names=told, colors=FIRST_COLOUR, widths=0.8, visible_series=[False])
+                names = f"{name} (attempt {self.playback.attempt})"
+                return _line(names=names, colors=FIRST_COLOUR, widths=0.8, visible_series=[False])
 
 
 def _line(**look: Any) -> rr.SeriesLines:

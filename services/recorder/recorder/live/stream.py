@@ -1,4 +1,4 @@
-"""A stream into the viewer's file and a running viewer: opened, closed and let go of."""
+"""A stream into the viewer's file and a running viewer: opened, closed and released."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def open_stream(recording: str, *, file: Path | None, viewer: str | None) -> Liv
 def send_blueprint(stream: rr.RecordingStream, blueprint: rrb.Blueprint) -> None:
     """Send a layout.
 
-    As `rr.send_blueprint` does, whose stream is never let go of: it and what keeps it in memory hold each other, two
+    As `rr.send_blueprint` does, whose stream is never released: it and what keeps it in memory hold each other, two
     threads and a megabyte for each layout. Here it is disconnected.
     """
     own = rr.RecordingStream._from_native(  # noqa: SLF001 - there is no public way to a stream of a layout
@@ -86,11 +86,11 @@ def close_stream(stream: rr.RecordingStream) -> bool:
 
 
 def release_streams() -> None:
-    """Let go of what Rerun keeps of streams that nobody holds any more: two threads and some megabytes each.
+    """Release what Rerun keeps of streams that nobody holds any more: two threads and some megabytes each.
 
     It does so by itself only in `rr.init`, which a process with several streams never calls.
     """
-    # A stream is part of reference cycles, and only what is gone is let go.
+    # A stream is part of reference cycles, and only what is gone is released.
     gc.collect()
     rerun_bindings.flush_and_cleanup_orphaned_recordings()
 

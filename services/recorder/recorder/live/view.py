@@ -32,7 +32,7 @@ from recorder.live.tables import reset_line, state_line, status_document, status
 from recorder.live.thinning import bucket_samples, keep_extremes
 
 DETAIL_SECONDS: Final = 2.0
-"""Length of the stretch around the target's peak that the first tab magnifies: single waves are told apart."""
+"""Length of the stretch around the target's peak that the first tab magnifies: single waves are distinguished."""
 
 LONGEST_PIECE_SECONDS: Final = 30.0
 """Of signals drawn at once, however fast they come: some megabytes."""
@@ -52,7 +52,7 @@ class LiveView:
         Where everything shown is kept; what is there is replaced.
     viewer : str, optional
         Address of a running viewer, e.g. "rerun+http://127.0.0.1:9876/proxy". Where nobody listens there, the view
-        goes on without it.
+        continues without it.
     """
 
     def __init__(self, recording: str, *, file: Path | None, viewer: str | None) -> None:
@@ -127,7 +127,7 @@ class LiveView:
             self._draw_pending()
 
     def close(self) -> bool:
-        """Draw what is left, let go of the file and the viewer, and return whether they took everything."""
+        """Draw what is left, release the file and the viewer, and return whether they took everything."""
         self._draw_pending()
         self._endurance.draw()
         return close_stream(self._stream)
@@ -217,9 +217,9 @@ class LiveView:
     def _played(self, step: iterator_pb2.IterationStep) -> Playback:
         """Return the attempt that a step tells the result of, so that its response stands beside its measured one."""
         own = iteration(step.iteration)
-        told = playback_of(step.run, recording=self._recording)
+        playback = playback_of(step.run, recording=self._recording)
         # A step that was taken over names a run of another recording.
-        return told if told.name == own.name else own
+        return playback if playback.name == own.name else own
 
     def _draw_pending(self) -> None:
         if self._rig is not None:

@@ -1,4 +1,4 @@
-"""The live views of all open recordings, on a thread of their own: a slow viewer delays no commit."""
+"""The live views of all open recordings, on their own thread: a slow viewer delays no commit."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class LiveViews:
         self._folder = folder
         self._files = files
         self._viewer = viewer
-        # None where it could not be opened: the recording goes on without.
+        # None where it could not be opened: the recording continues without.
         self._views: dict[str, LiveView | None] = {}
         self._incomplete: set[str] = set()
         self._log = structlog.get_logger("recorder")
@@ -102,7 +102,7 @@ class LiveViews:
         from recorder.live.view import LiveView
 
         try:
-            # A recorder that was started again goes on with a recording: the view begins with what its log holds.
+            # A recorder that was started again continues with a recording: the view begins with what its log holds.
             before = files_of(self._folder, recording) if path is not None and path.exists() else []
             view = LiveView(recording, file=path, viewer=self._viewer)
             self._show_before(view, recording, before)
@@ -149,7 +149,7 @@ class LiveViews:
 def _import_rerun() -> None:
     import recorder.live.rebuild  # noqa: F401 - takes half a second; the drawing code finds it imported
 
-    # What was imported stays. Rerun's streams are only let go of by a collection, after every recording, and most of
+    # What was imported stays. Rerun's streams are only released by a collection, after every recording, and most of
     # its time it looked at ninety thousand objects of modules.
     gc.collect()
     gc.freeze()

@@ -164,7 +164,7 @@ class Archive:
         self._log = structlog.get_logger("recorder")
 
     def recover(self) -> None:
-        """Take up every recording of the folder that is not ended; what cannot be is told of and left as it is."""
+        """Resume every recording of the folder that is not ended; what cannot be is reported and left unchanged."""
         for name in recordings_in(self._folder):
             try:
                 if not is_ended(self._folder, name):
@@ -230,7 +230,7 @@ class Archive:
         return placement
 
     def go_on(self, name: str) -> None:
-        """Take up a recording that its disk interrupted; raises RefusedError where the disk does not take it yet."""
+        """Resume a recording that its disk interrupted; raises RefusedError where the disk does not take it yet."""
         if name in self._interruptions:
             self._take_up_interrupted(name)
         if name in self._interruptions:
@@ -239,7 +239,7 @@ class Archive:
 
     @contextmanager
     def _interrupted_by_disk(self, recording: Recording) -> Iterator[None]:
-        """Let go of a recording whose disk refuses a write; what was acknowledged stays, the rest is written again."""
+        """Release a recording whose disk refuses a write; what was acknowledged stays, the rest is written again."""
         try:
             yield
         except DiskError as error:
@@ -255,7 +255,7 @@ class Archive:
             raise
 
     def _take_up_interrupted(self, name: str) -> None:
-        """Go on with an interrupted recording where the disk takes it again; RefusedError where it does not yet."""
+        """Continue with an interrupted recording where the disk takes it again; RefusedError where it does not yet."""
         why = "" if self._interruptions[name].unread else self._interruptions[name].why
         self._free_space.expect(name)
         try:
@@ -273,7 +273,7 @@ class Archive:
         """Take what came for a recording while it waited."""
         held = self._interruptions.pop(name).held
         if name not in self._open:
-            # Its last step was on the disk, and with it all that came before it; or it is no recording to go on with.
+            # Its last step was on the disk, with all that came before it; or there is no recording to continue.
             self._forget(name)
             held, self._settled = [], self._settled + held
         for item in held:
@@ -299,7 +299,7 @@ class Archive:
                 self._close(recording, reason=message.reason)
 
     def _forget(self, name: str) -> None:
-        """Let go of the playbacks and rigs of a recording."""
+        """Release the playbacks and rigs of a recording."""
         self._runs.forget(name)
         self._descriptions = {key: value for key, value in self._descriptions.items() if key[0] != name}
 
@@ -340,7 +340,7 @@ class Archive:
         return None
 
     def _take_unclaimed(self, item: StreamItem[rig_pb2.SignalBlock]) -> None:
-        """Let go of a block of no recording, unless one whose files could not be read yet may claim it."""
+        """Release a block of no recording, unless one whose files could not be read yet may claim it."""
         if self._interruptions.hold_unclaimed(item):
             return
         if self._runs.is_new_stranger(run_of(item.key)):
@@ -348,7 +348,7 @@ class Archive:
         self._settled.append(item)
 
     def take_state(self, item: StreamItem[rig_pb2.RigState]) -> set[str]:
-        """Write a rig's state to the recordings that have a playback on it and go on; return them."""
+        """Write a rig's state to the recordings that have a playback on it and continue; return them."""
         if self._runs.is_not_kept(item.message.run):
             self._settled.append(item)
             return set()
@@ -364,7 +364,7 @@ class Archive:
     def take_pose(self, item: StreamItem[rig_pb2.PoseBlock]) -> str | None:
         """Write body poses to the recording of their run; return it, or None where they belong to none."""
         run = self._runs.find(rig_of(item.key), item.message.run)
-        # Poses are for the eye and may have gaps: while the disk takes nothing they are let go.
+        # Poses are for the eye and may have gaps: while the disk takes nothing they are released.
         if run is None or run.recording in self._interruptions or not holds_doubles_only(item.message):
             return None
         return run.recording if self._add_stream(run.recording, item) else None
@@ -393,7 +393,7 @@ class Archive:
         return True
 
     def sync(self) -> None:
-        """Bring everything to the disk, split what has grown large, and take up what was interrupted."""
+        """Bring everything to the disk, split what has grown large, and resume what was interrupted."""
         for name, recording in list(self._open.items()):
             try:
                 with self._interrupted_by_disk(recording):

@@ -52,7 +52,7 @@ class Interruptions(dict[str, Interruption]):
             self.cut(name)
 
     def begin_unread(self, name: str, error: OSError | DiskError) -> None:
-        """Note that the files of a recording that a recorder left could not be taken up: its playbacks are not known.
+        """Note that the files of a recording that a recorder left could not be resumed: its playbacks are not known.
 
         Where the disk has no room, that is soon mended, and all that may be of it is kept until then. A file that
         cannot be read, perhaps of years ago, must not hold up the lab.
@@ -73,7 +73,7 @@ class Interruptions(dict[str, Interruption]):
             self[name].file = None
 
     def hold_unclaimed(self, item: StreamItem[Any]) -> bool:
-        """Keep a message that no known playback claims, where one of a recording that is not read may; tell whether."""
+        """Keep a message of an unknown playback while an unread recording may claim it; return whether it is kept."""
         claiming = self._claiming
         if claiming:
             self._unclaimed.append(item)

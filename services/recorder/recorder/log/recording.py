@@ -281,7 +281,7 @@ class Recording:
         self._log = None
 
     def split(self, runs: Runs) -> None:
-        """Finish the open file; the recording goes on in the next without a gap."""
+        """Finish the open file; the recording continues in the next without a gap."""
         following = recording_path(self._folder, self.name, number=self._stored.files + 2).name
         self.close(runs, reason=f"It goes on in {following}.", next_file=following)
         self._begin_file()
@@ -292,7 +292,7 @@ class Recording:
         self.close(runs, reason=reason)
 
     def let_go(self) -> tuple[Path, int] | None:
-        """Let go of a file that the disk refuses, without an end; return it and how much of it is safe."""
+        """Release a file that the disk refuses, without an end; return it and how much of it is safe."""
         log, self._log = self._log, None
         if log is None:
             return None

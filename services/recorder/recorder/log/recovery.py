@@ -1,4 +1,4 @@
-"""Recordings that are not ended, taken up again from their files, also after a kill or where a disk failed."""
+"""Recordings that are not ended, resumed from their files, also after a kill or where a disk failed."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def reopen(
     )
     recording = Recording(name, folder, order=order, stored=stored)
     if (last := read_summary(files[-1])) is not None and last.next_file:
-        # It says that the recording goes on there, and whoever reads it looks for that file.
+        # It says that the recording continues there, and whoever reads it looks for that file.
         recording.write_empty_file(summary.runs, reason=reason)
     return Reopened(recording, summary.runs, content.descriptions)
 

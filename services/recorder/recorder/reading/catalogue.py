@@ -40,7 +40,7 @@ def describe(
         information.MergeFrom(closing)
     else:
         found = audit(files)
-        information.MergeFrom(_told(found.content.summary_now(name, reason="")))
+        information.MergeFrom(_information_of(found.content.summary_now(name, reason="")))
         information.closed = not waiting
         information.missing_blocks = found.missing_blocks
     for path in files:
@@ -56,7 +56,7 @@ def describe(
     return information
 
 
-def _told(summary: Summary) -> recorder_pb2.RecordingInfo:
+def _information_of(summary: Summary) -> recorder_pb2.RecordingInfo:
     return recorder_pb2.RecordingInfo(
         steps=summary.steps,
         ended=summary.ended,
@@ -85,7 +85,7 @@ def _closing(path: Path, size: int, changed: int) -> recorder_pb2.RecordingInfo 
     summary = read_summary(path)
     if summary is None:
         return None
-    information = _told(summary)
+    information = _information_of(summary)
     information.closed = True
     return information
 

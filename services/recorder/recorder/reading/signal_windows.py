@@ -63,9 +63,9 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
 
 
 def _named(folder: Path, name: str) -> str:
-    """Return which runs a recording has, in words."""
-    told = (_runs(path) for path in reversed(_finished_files(folder, name)))
-    runs = next((found for found in told if found is not None), {})
+    """Return which runs a recording has, as text."""
+    candidates = (_runs(path) for path in reversed(_finished_files(folder, name)))
+    runs = next((found for found in candidates if found is not None), {})
     return ", ".join(repr(run) for _, run in runs) or "none"
 
 
@@ -78,8 +78,8 @@ def _runs(path: Path) -> Runs | None:
 @lru_cache(maxsize=16)
 def _runs_of(path: Path, size: int, changed: int) -> Runs | None:
     del size, changed  # They are the cache's key: another file of that name has others.
-    told = last_metadata(path, SUMMARY_METADATA)
-    return None if told is None else Summary.from_metadata(told).runs
+    metadata = last_metadata(path, SUMMARY_METADATA)
+    return None if metadata is None else Summary.from_metadata(metadata).runs
 
 
 def _check_time(request: recorder_pb2.SignalWindowRequest) -> None:

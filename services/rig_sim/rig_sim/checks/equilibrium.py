@@ -68,7 +68,7 @@ def find_equilibrium(
         if not (np.all(np.isfinite(rates)) and np.all(np.isfinite(jacobian))):
             break
         # Rows differ by orders of magnitude (m/s^2 beside MPa/s); scaled rows keep the solution well conditioned. What
-        # no unknown can change has a row of zeros and stays as it is.
+        # no unknown can change has a row of zeros and stays unchanged.
         size = np.linalg.norm(jacobian, axis=1)
         scale = 1.0 / np.where(size > 0.0, size, 1.0)
         step = np.linalg.lstsq(jacobian * scale[:, None], -rates * scale, rcond=1.0e-13)[0]

@@ -1,9 +1,9 @@
 """Find the mirror in a traced model: which state of one side answers to which of the other.
 
-The method is colour refinement (Weisfeiler and Leman, 1968): leaves (states and inputs) of one colour are told apart by
-the structure of what they are computed from and used in, until nothing changes. Signs do not count, since a mirror
-turns them, and of constants at most the magnitude does. What is found is a proposal: lanes are right whatever was
-paired, and only fast when it was paired well.
+The method is colour refinement (Weisfeiler and Leman, 1968): leaves (states and inputs) of one colour are separated by
+the structure of the expressions around them, until nothing changes. Signs do not count, because a mirror turns them;
+of constants at most the magnitude counts. The result is a proposal: lanes are correct for any pairing, but fast for a
+good one only.
 """
 
 from __future__ import annotations

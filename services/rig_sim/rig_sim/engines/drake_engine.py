@@ -203,14 +203,14 @@ class ElementsSystem(LeafSystem):
 
 _SCHEME = "runge_kutta3"
 _ACCURACY = 1.0e-5
-#: First step of every sample under error control, as a share of the sample; Drake goes on from there.
+#: First step of every sample under error control, as a share of the sample; Drake continues from there.
 _FIRST_STEP = 0.25
 
 
 class DrakeEngine:
     """A diagram of Drake's plant and the elements, advanced sample by sample by Drake's simulator.
 
-    Every sample begins anew from state and drive, without the memory of an integrator: the same samples give the same
+    Every sample starts again from state and drive, without the memory of an integrator: the same samples give the same
     bytes, however a record is cut. The plant, finalised, belongs to the engine from now on. Raises `ValueError` if the
     fixed step is longer than a sample.
     """
@@ -244,7 +244,7 @@ class DrakeEngine:
         self._turn = threading.Lock()
 
     def _forget_the_last_step(self) -> None:
-        """Make the integrator begin with the same first step at every sample; it would go on with the last one's."""
+        """Make the integrator begin with the same first step at every sample; it would continue with the last one's."""
         integrator = self._simulator.get_mutable_integrator()
         integrator.Reset()
         if self._choice.fixed_step is not None:

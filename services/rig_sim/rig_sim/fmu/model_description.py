@@ -64,20 +64,20 @@ def read_model(path: Path, specimen: FmuSpecimen) -> FmuModel:
         with path.open("rb") as stream:
             with zipfile.ZipFile(stream) as archive:
                 names = archive.namelist()
-            told = fmpy.read_model_description(stream)
+            description = fmpy.read_model_description(stream)
     except Exception as error:
         # It raises whatever it comes across in a damaged file.
         raise _refusal(specimen, f"{path.name} cannot be read: {_first_problem(error)}.") from error
     try:
-        simulation = _co_simulation(told, path.name)
-        _check_platform(fmpy, told, names, path.name)
+        simulation = _co_simulation(description, path.name)
+        _check_platform(fmpy, description, names, path.name)
         _check_step(simulation, specimen)
-        known = {variable.name: variable for variable in told.modelVariables}
-        units = {unit.name: unit.baseUnit for unit in told.unitDefinitions}
+        known = {variable.name: variable for variable in description.modelVariables}
+        units = {unit.name: unit.baseUnit for unit in description.unitDefinitions}
         return FmuModel(
-            fmi=int(told.fmiVersion[0]),
+            fmi=int(description.fmiVersion[0]),
             identifier=simulation.modelIdentifier,
-            token=told.guid,
+            token=description.guid,
             drives=_ports("drive", specimen.drives, "input", known, units),
             responses=_ports("response", specimen.responses, "output", known, units),
             start_values=tuple(
@@ -109,17 +109,17 @@ def _first_problem(error: Exception) -> str:
     return text if len(text) <= _LONGEST_PROBLEM else f"{text[:_LONGEST_PROBLEM]} …"
 
 
-def _co_simulation(told: Any, file: str) -> Any:
-    if told.fmiVersion == "1.0":
+def _co_simulation(description: Any, file: str) -> Any:
+    if description.fmiVersion == "1.0":
         raise ValueError(f"{file} is of FMI 1.0; export it for FMI 2.0 or 3.0.")
-    if told.coSimulation is None:
+    if description.coSimulation is None:
         raise ValueError(f"{file} is not for co-simulation; export it with its solver, for co-simulation.")
-    return told.coSimulation
+    return description.coSimulation
 
 
-def _check_platform(fmpy: ModuleType, told: Any, names: Iterable[str], file: str) -> None:
-    here = fmpy.platform if told.fmiVersion == "2.0" else fmpy.platform_tuple
-    library = f"binaries/{here}/{told.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
+def _check_platform(fmpy: ModuleType, description: Any, names: Iterable[str], file: str) -> None:
+    here = fmpy.platform if description.fmiVersion == "2.0" else fmpy.platform_tuple
+    library = f"binaries/{here}/{description.coSimulation.modelIdentifier}{fmpy.sharedLibraryExtension}"
     if library in names:
         return
     parts = [PurePosixPath(name).parts for name in names]

@@ -1,4 +1,4 @@
-"""An FMU at work in a process of its own, seen from the service: pieces of a drive in, responses out, or why not."""
+"""An FMU at work in a separate process, seen from the service: pieces of a drive in, responses out, or why not."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class FmuProcess:
     def __init__(self, specimen: FmuSpecimen, model: FmuModel, folder: str) -> None:
         self._specimen, self._model, self._folder = specimen, model, folder
         self._printed = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `end`
-        # A session of its own: the Ctrl-C that ends a service lets it ramp down first.
+        # Its own session: the Ctrl-C that ends a service lets it ramp down first.
         self._process = subprocess.Popen(
             [sys.executable, "-P", child.__file__],
             stdin=subprocess.PIPE,

@@ -216,7 +216,7 @@ _DRAKE = "{https://drake.mit.edu}"
 #: What Drake ends the whole process over, where it is negative: ends of the tags of its bushings and springs.
 _NOT_NEGATIVE = ("_stiffness", "_damping")
 _ABOVE_ZERO = "_free_length"
-#: Numbers that each constant of a force element has; Drake goes on without one that it cannot read.
+#: Numbers that each constant of a force element has; Drake continues without one that it cannot read.
 _NUMBERS = {"linear_bushing_rpy": 3, "linear_spring_damper": 1}
 _WORLD = "world"
 

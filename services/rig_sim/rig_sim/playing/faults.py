@@ -43,7 +43,7 @@ class StuckSensor(_SensorFault):
 
     @property
     def sentence(self) -> str:
-        """Say it in words."""
+        """Return a description as text."""
         return f"sensor {self.channel} stuck from {self.start:g} s"
 
 
@@ -57,7 +57,7 @@ class NoisySensor(_SensorFault):
 
     @property
     def sentence(self) -> str:
-        """Say it in words."""
+        """Return a description as text."""
         return f"sensor {self.channel} noisy by {self.rms:g} from {self.start:g} s"
 
 
@@ -69,7 +69,7 @@ class DriftingGain(_SensorFault):
 
     @property
     def sentence(self) -> str:
-        """Say it in words."""
+        """Return a description as text."""
         return f"gain of sensor {self.channel} drifting by {self.rate:g} 1/s from {self.start:g} s"
 
 
@@ -84,7 +84,7 @@ class ValveSaturation(BaseModel):
 
     @property
     def sentence(self) -> str:
-        """Say it as text."""
+        """Return a description as text."""
         return f"valves of kind {self.actuator_kind} open to {100.0 * self.opening:g} % only"
 
 
@@ -99,7 +99,7 @@ class SupplySag(BaseModel):
 
     @property
     def sentence(self) -> str:
-        """Say it as text."""
+        """Return a description as text."""
         which = "supply" if self.supply is None else f"supply {self.supply}"
         return f"{which} sagged to {100.0 * self.share:g} % of its pressure"
 

@@ -22,7 +22,7 @@ _OWN_MODULE = re.compile(rf"\b{_PACKAGE}\.(?:\w+\.)*(?=\w)")
 def software_hash() -> str:
     """Return the SHA-256 of the sources that play a rig; any change of them may change what it answers.
 
-    Where a module lies does not count: one that only moves leaves every rig's content hash as it is.
+    Where a module lies does not count: one that only moves leaves every rig's content hash unchanged.
     """
     return sources_hash(Path(str(files(_PACKAGE))), Path(str(files(_MOTION))))
 

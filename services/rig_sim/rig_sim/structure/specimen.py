@@ -1,6 +1,6 @@
 """A structure's YAML: beams between points, masses, suspension, damping; where shakers push and what is measured.
 
-It is told from a multibody specimen by `kind: state_space` and has no SDF.
+It is distinguished from a multibody specimen by `kind: state_space` and has no SDF.
 """
 
 from __future__ import annotations

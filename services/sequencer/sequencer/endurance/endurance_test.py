@@ -69,7 +69,7 @@ class _EndedByAlarmError(Exception):
 
 
 class EnduranceTest:
-    """Plays one schedule on a thread of its own. A motion is asked for once and never again.
+    """Plays one schedule on its own thread. A motion is asked for once and never again.
 
     `plan`: Checked. `before`: What was done before. `board`: Shows the others how it goes. `repeats_per_volume`:
     Repeats in one recording. `held_files`: Where repeats are held that an alarm may ask for, beside memory. `on_end`:
@@ -137,7 +137,7 @@ class EnduranceTest:
             self._stop.set()
 
     def leave(self) -> None:
-        """Break off as a crash would: the recording stays open, and a resume goes on. Return at once."""
+        """Break off as a crash would: the recording stays open, and a resume continues. Return at once."""
         self._leaving = True
         self.stop("the sequencer was told to end", latch=False)
 
@@ -146,7 +146,7 @@ class EnduranceTest:
         self._holds.ask(reason)
 
     def resume(self, call: Call) -> None:
-        """Go on after a hold that a person or a fault made; raises FaultError where the rig cannot play."""
+        """Continue after a hold that a person or a fault made; raises FaultError where the rig cannot play."""
         self._require_rig()
         self._holds.resume(call)
 
@@ -173,7 +173,7 @@ class EnduranceTest:
             final = self._ended()
             if self._latching and not self._latched:
                 self._halt(final)
-        except Exception:  # noqa: BLE001 - whatever it is, the test must not stay open for ever
+        except Exception:  # noqa: BLE001 - whatever it is, the test must not stay open forever
             self._journal.exception("The endurance test could not be brought to its end.", step=self._step)
         finally:
             self._journal.info("endurance test ended", how=final.activity)
@@ -194,9 +194,9 @@ class EnduranceTest:
             defect = f"A defect of the sequencer ({type(error).__name__}: {error}); its log says more."
             return self._broken_off(FaultError(query_pb2.FAULT_CODE_INTERNAL, defect))
         unknown = sum(tally.unknown for tally in self._tallies)
-        told = f", of which the end of {unknown} is not known" if unknown else ""
+        unknown_ends = f", of which the end of {unknown} is not known" if unknown else ""
         final = self._board.final_status(
-            sequencer_pb2.ENDURANCE_PHASE_FINISHED, f"finished after {len(self._plan.sequence)} repeats{told}"
+            sequencer_pb2.ENDURANCE_PHASE_FINISHED, f"finished after {len(self._plan.sequence)} repeats{unknown_ends}"
         )
         self._log.close(final, reason=final.activity)
         self._kept.close()
@@ -245,7 +245,7 @@ class EnduranceTest:
         self._show_progress(before.next_repeat)
 
     def _begin_volume(self, repeat: int, *, ended: bool = False) -> None:
-        """Go on in the next recording."""
+        """Continue in the next recording."""
         if ended:
             self._log.next_volume()
         else:
@@ -533,7 +533,7 @@ class EnduranceTest:
         status.phase, status.activity = sequencer_pb2.ENDURANCE_PHASE_PLAYING, self._step
 
     def _show_hold(self, hold: sequencer_pb2.EnduranceHold | None) -> None:
-        """Show what the test waits with, or that it goes on."""
+        """Show what the test waits with, or that it continues."""
 
         def change(status: sequencer_pb2.EnduranceStatus) -> None:
             status.ClearField("hold")

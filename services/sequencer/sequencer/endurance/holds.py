@@ -30,7 +30,7 @@ class Holds:
     """The hold points of an endurance test. `wait` is called on the test's thread, all else on any.
 
     `log`: Where holds and decisions are stored. `stop`: Ends the waiting. `last`: Number of the last hold so far.
-    `on_wait`: Called with the hold when the test waits, and with None when it goes on.
+    `on_wait`: Called with the hold when the test waits, and with None when it continues.
     """
 
     def __init__(
@@ -121,7 +121,7 @@ class Holds:
         self._take(decision.hold, decision, call)
 
     def resume(self, call: Call) -> None:
-        """Go on after a hold that a person or a fault made; return when it is stored."""
+        """Continue after a hold that a person or a fault made; return when it is stored."""
         hold = self._open
         if hold is None:
             raise _refused(f"Endurance test {self._id!r} does not wait; there is nothing to resume.", field="id")

@@ -44,7 +44,7 @@ def require_same_rig(recorded: RecordedTest, description: rig_pb2.RigDescription
 
 
 def go_on_recording(bus: Bus, recorded: RecordedTest) -> None:
-    """Make sure that the recorder goes on with the last recording."""
+    """Make sure that the recorder continues with the last recording."""
     last = recorded.last
     if last.closed or last.last is None:
         return

@@ -81,7 +81,7 @@ class EnduranceLog:
         self.next_volume()
 
     def next_volume(self) -> None:
-        """Go on in the next recording; the one before is closed."""
+        """Continue in the next recording; the one before is closed."""
         self.volume += 1
         self._log = self._opened()
 
