@@ -1,4 +1,4 @@
-"""Where the time of a campaign goes: the traces of all processes as one Chrome trace, and its shares."""
+"""Profile of a campaign: the traces of all processes as one Chrome trace, and the shares of the time."""
 
 from __future__ import annotations
 

@@ -245,7 +245,7 @@ class Comparison:
 
 
 def compare(*recordings: str | Path | Recording | Recorded) -> Comparison:
-    """Put recorded campaigns beside each other.
+    """Compare recorded campaigns.
 
     Parameters
     ----------

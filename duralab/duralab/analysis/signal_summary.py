@@ -1,4 +1,4 @@
-"""What sampled signals hold: range, RMS, band of their energy and a coarse power spectral density."""
+"""Summary of sampled signals: range, RMS, band of their energy and a coarse power spectral density."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SHORTEST_BLOCK: Final = 16
 
 @dataclass(frozen=True, eq=False)
 class ChannelSummary:
-    """What one channel holds, in its unit.
+    """Summary of one channel, in its unit.
 
     `name`, `unit`: Of the channel. `not_finite`: Number of samples that are nan or infinite; the other figures leave
     them out. `minimum`, `maximum`, `mean`, `rms`: Over all finite samples; nan where there is none. `band`: Frequencies
@@ -47,7 +47,7 @@ class ChannelSummary:
 
 @dataclass(frozen=True, eq=False)
 class SignalSummary:
-    """What signals hold.
+    """Summary of signals.
 
     `sample_rate`: In Hz. `samples`: Of each channel. `duration`: In s. `resolution`: Distance of two lines of the
     density, in Hz; nan where the signals are too short for one. `psd_edges`, shape (columns + 1) or (0): Edges of the

@@ -64,7 +64,7 @@ class MeasuredRoad(Section):
 
 
 class Target(Section):
-    """What to reproduce: the spindle forces of a vehicle on a road, or a measured file."""
+    """Target: the spindle forces of a vehicle on a road, or a measured file."""
 
     road: SyntheticRoad | None = Field(default=None, description="A road made from a seed.")
     opencrg: MeasuredRoad | None = Field(default=None, description="A measured road.")
@@ -179,7 +179,7 @@ class Campaign(PlaybackSettings, Sections):
 
     @property
     def folder(self) -> Path:
-        """Where the relative paths of the file start."""
+        """Folder to which the file's paths are relative."""
         return self._folder
 
     @property

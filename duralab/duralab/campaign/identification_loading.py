@@ -11,7 +11,7 @@ from duralab_settings import EstimatorSettings, ExcitationSettings, Section, See
 
 
 class IdentificationSettings(Section):
-    """What an identification is asked for."""
+    """Settings of an identification."""
 
     seed: Seed = Field(default=0, description="Seed of all random numbers of the experiment.")
     excitation: ExcitationSettings = Field(description="Experiment that identifies the rig.")

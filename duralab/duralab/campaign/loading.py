@@ -117,7 +117,7 @@ def today(content: dict[Any, Any], *, name: str) -> tuple[dict[Any, Any], tuple[
 
 
 class ImportSettings(Section):
-    """What is made of a measured file; the keys are those under `target` of a campaign file."""
+    """Import of a measured file; the keys are those under `target` of a campaign file."""
 
     channels: dict[str, SourceChannel] = Field(
         default_factory=dict,

@@ -21,7 +21,7 @@ _SHARED_ONLY: Final = ("excitation", "estimator", "seed", "start_from", "name")
 
 
 class EventSettings(Section):
-    """What an event has beside the settings of its campaign."""
+    """Settings of an event beside those of its campaign."""
 
     priority: int = Field(default=0, ge=-1000, le=1000, description="Events of a higher priority come first.")
     repeats: int = Field(

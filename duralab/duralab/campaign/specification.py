@@ -89,7 +89,7 @@ def _names(channels: tuple[Channel, ...]) -> list[str]:
 
 
 def acceptance_message(accept: Acceptance) -> iterator_pb2.Acceptance:
-    """Put what a result is judged by into the words of the contract.
+    """Convert the acceptance limits to their message.
 
     `accept`: What the user wrote.
     Returns: A limit that is not judged is left out.
@@ -113,7 +113,7 @@ def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -
 
 
 def estimator_message(estimator: EstimatorSettings) -> identifier_pb2.Estimator:
-    """Put the estimator into the words of the contract.
+    """Convert the estimator to its message.
 
     `estimator`: Settings of the estimator.
     Returns: The settings as the identifier takes them.
@@ -124,7 +124,7 @@ def estimator_message(estimator: EstimatorSettings) -> identifier_pb2.Estimator:
 
 
 def update_message(update: UpdateSection, *, rig: Rig) -> iterator_pb2.UpdateSettings:
-    """Put the update into the words of the contract.
+    """Convert the update to its message.
 
     `update`: Settings of the update. `rig`: The rig, whose responses have the gains and weights.
     Returns: The settings as the iterator takes them.
@@ -136,7 +136,7 @@ def update_message(update: UpdateSection, *, rig: Rig) -> iterator_pb2.UpdateSet
 
 
 def stop_message(stop: StopCriteria) -> iterator_pb2.StopCriteria:
-    """Put the stop criteria into the words of the contract.
+    """Convert the stop criteria to their message.
 
     `stop`: Stop criteria of a campaign file.
     Returns: The criteria as the iterator takes them.
@@ -149,7 +149,7 @@ def stop_message(stop: StopCriteria) -> iterator_pb2.StopCriteria:
 def build_specification(
     campaign: Campaign, *, id: str, rig: Rig, target: Signals, source: str
 ) -> iterator_pb2.CampaignSpec:
-    """Put a campaign into the words of the contract.
+    """Convert a campaign to its message.
 
     `campaign`: What the user wrote. `id`: Name of the campaign in the lab. `rig`: The rig that reproduces the target.
     `target`: All responses of the rig, in its order and at its sample rate. `source`: Where the target comes from, in

@@ -1,4 +1,4 @@
-"""What a campaign starts from in place of nothing: a model, a first drive, what other campaigns learned, a section."""
+"""Start of a campaign from earlier knowledge: a model, a first drive, what other campaigns learned, a section."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _RECORDING = "the path of a recording.mcap, or the id of a campaign in the lab"
 
 
 class StartFrom(Section):
-    """What is known before the first playback."""
+    """Knowledge that is used before the first playback."""
 
     model: str | None = Field(
         default=None,

@@ -155,7 +155,7 @@ class Segment(Stretch):
 
 
 class Join(Section):
-    """Put stretches of the target together, in the order given."""
+    """Join stretches of the target, in the given order."""
 
     segments: tuple[Segment, ...] = Field(strict=False, min_length=1, description="Parts, in this order.")
     cross_fade: NotNegative = Field(default=0.2, description="Duration of the cross-fade between parts, in seconds.")

@@ -33,7 +33,7 @@ _MOST_DECIMALS: Final = 6
 
 
 class Judgement(StrEnum):
-    """How a campaign ended, seen from what was wanted."""
+    """Verdict on an ended campaign."""
 
     REACHED = "reached"
     NOT_REACHED = "not reached"
@@ -52,7 +52,7 @@ class Criterion(StrEnum):
 
 @dataclass(frozen=True)
 class Limits:
-    """What a result is judged by; a limit that is None is not judged.
+    """Limits of a result; a limit that is None is not judged.
 
     `relative_rms_error`: Largest relative RMS error of a controlled channel. `peak_ratio`, `damage_ratio`: Smallest and
     largest, response over target. `damage_exponent`: Slope of the S-N line that damage is judged at: 3, 5 or 8.
@@ -109,7 +109,7 @@ class Finding:
 
     @property
     def badness(self) -> float:
-        """How far the figure is off, to find the worst of a criterion: ratios count alike above and below 1."""
+        """Deviation of the figure, to find the worst of a criterion: ratios count alike above and below 1."""
         if self.criterion in (Criterion.ERROR, Criterion.OUTSIDE):
             return self.value
         return abs(np.log(self.value)) if self.value > 0.0 else np.inf

@@ -1,4 +1,4 @@
-"""How a command ends: its exit code, one sentence for an error, and nothing left behind after a signal."""
+"""End of a command: its exit code, one sentence for an error, and nothing left behind after a signal."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from duralab.errors import PROCESS_LIMIT, InputError, LabError, ended, is_proces
 
 
 class ExitCode(IntEnum):
-    """How a command ended, as a shell sees it."""
+    """Exit code of a command."""
 
     DONE = 0
     FAILED = 1

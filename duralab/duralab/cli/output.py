@@ -1,4 +1,4 @@
-"""What a command prints: text for people, commands to type next, and with `--json` one document on standard output."""
+"""Output of a command: text, the next commands to type, and with `--json` one document on standard output."""
 
 from __future__ import annotations
 

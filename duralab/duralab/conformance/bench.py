@@ -19,7 +19,7 @@ from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 
 
 class Outcome(StrEnum):
-    """How a check ended."""
+    """Outcome of a check."""
 
     PASSED = "passed"
     FAILED = "failed"

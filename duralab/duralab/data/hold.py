@@ -17,7 +17,7 @@ _NANOSECONDS = 1e9
 
 @dataclass(frozen=True)
 class ProposedDrive:
-    """How one drive of a proposal uses the rig.
+    """Use of the rig by one drive of a proposal.
 
     Parameters
     ----------

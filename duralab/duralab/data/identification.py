@@ -51,7 +51,7 @@ class ExperimentPlan:
 
 @dataclass(frozen=True, eq=False)
 class Convergence:
-    """How an iteration with the inverse of a model will converge; see `duralab.v1.Convergence`.
+    """Predicted convergence of an iteration with the inverse of a model; see `duralab.v1.Convergence`.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ class LevelAdvice:
 
 @dataclass(frozen=True, eq=False)
 class ModelDifference:
-    """How far a model differs from the one before it; see `duralab.v1.ModelDifference`.
+    """Difference of a model from the one before it; see `duralab.v1.ModelDifference`.
 
     Parameters
     ----------

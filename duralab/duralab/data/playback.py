@@ -20,7 +20,7 @@ USE_COLUMNS: Final = ("actuator", "peak of its limit", "saturated", "largest fol
 
 @dataclass(frozen=True)
 class ActuatorUse:
-    """How one actuator was used in a playback; see `duralab.v1.ActuatorUse`.
+    """Use of one actuator in a playback; see `duralab.v1.ActuatorUse`.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ READ_FILE: Final = "read_file"
 
 @dataclass(frozen=True)
 class SourceRecord:
-    """How a response was read from a channel of a file.
+    """Source of a response: the channel of a file and its conversion.
 
     `source`: Name of the channel in the file; empty where there is none and the target is silent. `source_unit`,
     `stated_unit`: Unit that the file names, and the one that the campaign states in its place; empty where there is

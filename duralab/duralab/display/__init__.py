@@ -1,4 +1,4 @@
-"""How results look: tables as text, and tables and pictures as HTML for a notebook. Nothing in it needs a network."""
+"""Display of results: tables as text, tables and pictures as HTML for a notebook. Works without a network."""
 
 from duralab.display.charts import MOST_CHARTS, Axis, Curve, line_chart
 from duralab.display.page import to_html

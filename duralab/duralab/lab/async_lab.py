@@ -101,7 +101,7 @@ class AsyncLab(_Threaded[Lab]):
 
     @property
     def endpoints(self) -> tuple[str, ...]:
-        """Where others may connect to this lab."""
+        """Endpoints at which others can connect to this lab."""
         return self.lab.endpoints
 
     @property

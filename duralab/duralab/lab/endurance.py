@@ -58,7 +58,7 @@ class EnduranceChoice(StrEnum):
 
 @dataclass(frozen=True)
 class EnduranceProgress:
-    """How far an endurance test is.
+    """Progress of an endurance test.
 
     Parameters
     ----------

@@ -19,7 +19,7 @@ RESEMBLES: Final = 0.5
 
 @dataclass(frozen=True)
 class Likeness:
-    """How alike targets are.
+    """Likeness of targets.
 
     `distance`, shape (targets, targets): 0 for one that another scaled is, and more for others. `explained`, shape
     (targets, targets): Share of the energy of the target of the column that the one of the row, scaled, explains.

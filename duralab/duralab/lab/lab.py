@@ -68,7 +68,7 @@ class Lab:
 
     @property
     def endpoints(self) -> tuple[str, ...]:
-        """Where others may connect to this lab."""
+        """Endpoints at which others can connect to this lab."""
         return self._bus.listening
 
     def failure(self) -> LabError | None:

@@ -1,4 +1,4 @@
-"""How a recorded campaign ended, as one looks for it."""
+"""Result of a recorded campaign."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from enum import StrEnum
 
 
 class Result(StrEnum):
-    """How a recorded campaign ended."""
+    """Result of a recorded campaign."""
 
     REACHED = "reached"
     ITERATIONS_USED = "iterations used"

@@ -1,4 +1,4 @@
-"""How a lab is: its services, its rigs, the campaigns under way, and what its recorder holds."""
+"""State of a lab: services, rigs, running campaigns and recordings."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class RecorderStatus:
 
 @dataclass(frozen=True)
 class LabStatus:
-    """How a lab is; `missing` names the services that it lacks, and `recorder` is None where that is one of them."""
+    """State of a lab; `missing` names the services that do not run, and `recorder` is None if it is one of them."""
 
     missing: tuple[str, ...]
     services: tuple[ServiceHealth, ...]

@@ -144,7 +144,7 @@ def require_no_lab(endpoint: str, *, recordings: Path) -> None:
 
 
 def end_lab(lab: RunningLab, *, timeout_seconds: float = END_SECONDS) -> None:
-    """Tell a lab to end and wait; raises LabError where it belongs to another user or does not end in time."""
+    """Ask a lab to end and wait; raises LabError where it belongs to another user or does not end in time."""
     try:
         process = psutil.Process(lab.process_id)
         # Asked again: psutil itself refuses to signal a process that took over the id since this line.

@@ -79,7 +79,7 @@ class Viewer:
 
     @property
     def address(self) -> str:
-        """Where data are sent to it."""
+        """Address to which data are sent."""
         return f"rerun+http://{_HOST}:{self._port}/proxy"
 
     @property

@@ -20,7 +20,7 @@ Windows = SignalWindows | JudgedWindows
 
 
 class Direction(Enum):
-    """Which signals of a run."""
+    """Direction of signals of a run: drive or response."""
 
     DRIVE = "drive"
     RESPONSE = "response"

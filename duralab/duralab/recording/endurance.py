@@ -92,7 +92,7 @@ class EnduranceRecording:
 
     @cached_property
     def status(self) -> sequencer_pb2.EnduranceStatus | None:
-        """How it ended; None where it did not."""
+        """Final status; None if it has not ended."""
         return next(self.volumes[-1].messages(sequencer_pb2.EnduranceStatus), None)
 
     @cached_property

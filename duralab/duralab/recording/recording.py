@@ -154,7 +154,7 @@ class Recording:
 
     @cached_property
     def status(self) -> iterator_pb2.CampaignStatus | None:
-        """How the campaign ended; None where it did not."""
+        """Final status of the campaign; None if it has not ended."""
         last = deque(self.messages(iterator_pb2.CampaignStatus), maxlen=1)
         return last.pop() if last else None
 
@@ -267,7 +267,7 @@ class Recording:
 
     @cached_property
     def actuators(self) -> list[tuple[ActuatorUse, ...]]:
-        """How the actuators were used, for each playback."""
+        """Use of the actuators in each playback."""
         return [use for _, use, _ in self._iterations]
 
     @cached_property

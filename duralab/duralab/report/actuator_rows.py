@@ -1,4 +1,4 @@
-"""How the actuators were used, beside what they can: the numbers of the report, ready to print."""
+"""Use of the actuators beside their limits, formatted for the report."""
 
 from __future__ import annotations
 

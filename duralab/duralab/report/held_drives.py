@@ -18,7 +18,7 @@ JOINED_SECONDS: Final = 0.1
 
 
 class Limit(StrEnum):
-    """Which limit of an actuator."""
+    """Kind of an actuator's limit."""
 
     TRAVEL = "travel"
     SPEED = "speed"

@@ -1,4 +1,4 @@
-"""How a rig was identified, as text."""
+"""Description of an identification as text."""
 
 from __future__ import annotations
 

@@ -90,7 +90,7 @@ def target_step_rows(specification: iterator_pb2.CampaignSpec) -> list[TargetSte
 
 @dataclass(frozen=True)
 class SourceRow:
-    """How one response was read from a file, as printed."""
+    """Source of one response in a file, formatted."""
 
     response: str
     source: str

@@ -138,7 +138,7 @@ def _damage_in_words(ratios: np.ndarray) -> str:
 
 @dataclass(frozen=True)
 class RepeatabilityRow:
-    """How far one response channel repeats itself; numbers as they are printed, relative to the target's RMS."""
+    """Repeatability of one response channel, formatted, relative to the target's RMS."""
 
     title: str
     error: str
@@ -241,7 +241,7 @@ class Cell:
 
     @property
     def strength(self) -> float:
-        """How strongly the cell is coloured, 0 to 1."""
+        """Strength of the cell's colour, 0 to 1."""
         return float(np.clip(self.share, 0, 1)) if np.isfinite(self.share) else 0.0
 
 

@@ -1,4 +1,4 @@
-"""How drives were made from playback to playback, as text."""
+"""Description of the update as text."""
 
 from __future__ import annotations
 

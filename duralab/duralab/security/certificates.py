@@ -58,7 +58,7 @@ class CertificateFile:
 
     @property
     def key(self) -> Path:
-        """Where its private key is."""
+        """Path of its private key."""
         return self.path.with_suffix(".key")
 
     def days_left(self) -> float:

@@ -19,7 +19,7 @@ OUTCOME: Final = "outcome.parquet"
 
 
 class State(StrEnum):
-    """How a point ended."""
+    """Outcome of a point."""
 
     FINISHED = "finished"
     FAILED = "failed"

@@ -107,7 +107,7 @@ class SpecimenText:
         return self.text, self.bodies_text
 
     def write(self, folder: Path) -> Path:
-        """Put it into its own folder and return where its YAML is."""
+        """Write it to its own folder; return the path of its YAML."""
         own = folder / self.rig
         own.mkdir(parents=True, exist_ok=True)
         if self.bodies:

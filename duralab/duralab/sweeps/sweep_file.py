@@ -199,7 +199,7 @@ class Sweep(Section):
 
     @property
     def folder(self) -> Path:
-        """Where the relative paths of the file start."""
+        """Folder to which the file's paths are relative."""
         return self._folder
 
     @property

@@ -138,7 +138,7 @@ _WRITE_SHARE: Final = 0.05
 
 @dataclass(frozen=True)
 class SweepProgress:
-    """How many points of a sweep have ended or failed, and the smallest figure so far with its settings."""
+    """Progress of a sweep: numbers of ended and failed points, and the smallest figure with its settings."""
 
     ended: int
     total: int

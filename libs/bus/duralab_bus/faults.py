@@ -1,4 +1,4 @@
-"""Why a query failed: the contract's Fault as an exception."""
+"""Fault of a query as an exception."""
 
 from __future__ import annotations
 

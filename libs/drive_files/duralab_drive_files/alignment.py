@@ -1,4 +1,4 @@
-"""Where a drive lies in the record of a controller, and whether the record is of this drive at all."""
+"""Position of a drive in the record of a controller, and proof that the record belongs to the drive."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _ITERATIONS: Final = 8
 
 @dataclass(frozen=True)
 class Alignment:
-    """Where a drive lies in a record.
+    """Position of a drive in a record.
 
     Parameters
     ----------

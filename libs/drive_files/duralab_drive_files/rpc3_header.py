@@ -21,7 +21,7 @@ from duralab_drive_files.time_history import rate_of_step
 
 
 class DataType(StrEnum):
-    """How samples are stored."""
+    """Storage type of samples."""
 
     SHORT_INTEGER = "SHORT_INTEGER"
     FLOATING_POINT = "FLOATING_POINT"
@@ -56,7 +56,7 @@ def stored_type(data_type: DataType, order: ByteOrder) -> np.dtype:
 
 @dataclass(frozen=True)
 class Layout:
-    """Where the samples of a time history lie.
+    """Layout of the samples of a time history.
 
     Data are demultiplexed by groups: all points of a group of the first channel, then of the second, and so on.
 

@@ -33,7 +33,7 @@ _KEPT: Final = ("DATE", "OPERATION")
 
 @dataclass(frozen=True)
 class Rpc3Settings:
-    """How a time history is stored.
+    """Storage settings of a time history.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ Candidate = tuple[int, int]
 
 
 class PieceCut:
-    """How records of one length are cut into Hann pieces that overlap by half, and which lines of them are kept.
+    """Division of records into Hann pieces that overlap by half, and the lines that are kept.
 
     `samples`: Length of the records. `sample_rate`: Of the records, Hz. `identified`: Lowest and highest frequency of
     the identified band, Hz.

@@ -59,7 +59,7 @@ class Run:
         self._waiting = waiting
 
     def report(self, sentence: str, fraction: float | None = None) -> None:
-        """Tell people what the rig does, e.g. "waiting for the operator to press start".
+        """Report the rig's activity, e.g. "waiting for the operator to press start".
 
         Parameters
         ----------

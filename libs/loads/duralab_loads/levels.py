@@ -1,4 +1,4 @@
-"""How often a load passes its levels, how long it stays at them, and how often its cycles exceed a range."""
+"""Level crossings, time at level and range exceedance of a load."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class FilterKind(Enum):
 
     @property
     def corners(self) -> int:
-        """How many corner frequencies it has."""
+        """Number of corner frequencies."""
         return 1 if self in (FilterKind.LOW_PASS, FilterKind.HIGH_PASS) else 2
 
 

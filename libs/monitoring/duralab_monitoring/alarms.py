@@ -11,7 +11,7 @@ from duralab_monitoring.settings import Statistic
 
 
 class AlarmLevel(IntEnum):
-    """How severe an alarm is."""
+    """Severity of an alarm."""
 
     WARNING = 1
     """The test continues as its actions say."""

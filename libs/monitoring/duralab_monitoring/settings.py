@@ -70,7 +70,7 @@ class AbsoluteLimits(Section):
 
 
 class MonitoringSettings(Section):
-    """How the repeats of an endurance test are monitored; the section `monitoring` of a schedule."""
+    """Monitoring of the repeats of an endurance test; the section `monitoring` of a schedule."""
 
     baseline_repeats: int = Field(
         default=10, ge=6, le=1000, description="First repeats of each event, from which its baseline is learnt."

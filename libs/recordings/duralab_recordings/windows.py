@@ -67,7 +67,7 @@ class BlockPlace:
 
 @dataclass(frozen=True)
 class RunBound:
-    """How large a run is at most: samples of each channel if all blocks are of one size, channels, rate in hertz."""
+    """Upper bound of a run: samples of each channel if all blocks are of one size, channels, rate in hertz."""
 
     samples: int
     block_samples: int

@@ -75,7 +75,7 @@ class Block(Section):
 
 
 class CustomerEvent(Section):
-    """How often a customer meets one event."""
+    """Number of times that a customer meets one event."""
 
     count: Positive = Field(description="Number of times that the customer meets the event.")
     target: str | None = Field(
@@ -108,7 +108,7 @@ class DamagePlan(Section):
 
 
 class KeepRule(Section):
-    """Which repeats are recorded with all samples; of all others the statistics are kept."""
+    """Rule for the repeats that are recorded with all samples; the others keep their statistics only."""
 
     first: Repeats = Field(default=3, description="Number of first repeats of each event that are kept.")
     every: Annotated[int, Field(ge=1, le=MOST_REPEATS)] | None = Field(

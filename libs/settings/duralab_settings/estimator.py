@@ -1,4 +1,4 @@
-"""How a rig's frequency response is estimated from an experiment: the message `duralab.v1.Estimator`."""
+"""Estimator of a rig's frequency response: the message `duralab.v1.Estimator`."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from duralab_settings.section import Section
 
 
 class EstimatorKind(StrEnum):
-    """How the frequency response is estimated."""
+    """Estimator of the frequency response."""
 
     H1 = "h1"
     """H1: noise on the responses averages out."""
@@ -42,7 +42,7 @@ class BlockSettings(Section):
 
 
 class EstimatorSettings(BlockSettings):
-    """How the rig's frequency response is estimated from the experiment."""
+    """Estimator of the rig's frequency response."""
 
     kind: EstimatorKind = Field(
         default=EstimatorKind.H1, strict=False, description="Estimator of the FRF; local ones are free of leakage."

@@ -29,7 +29,7 @@ Point = Annotated[tuple[Positive, Positive], AS_TUPLE]
 
 
 class ExcitationKind(StrEnum):
-    """How the rig is excited to identify it."""
+    """Excitation of the identification."""
 
     PURE_RANDOM = "pure_random"
     """Gaussian noise, independent for every drive, averaged over overlapping Hann blocks."""

@@ -1,4 +1,4 @@
-"""How each next drive is made, when the iteration ends, how playbacks are made, and what the result is judged by."""
+"""Settings of an iteration: update, stop criteria, playbacks and acceptance."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ Bound = Annotated[float, Field(gt=1.0)]
 
 
 class UpdateKind(StrEnum):
-    """How each next drive is made."""
+    """Update of the drive."""
 
     BASIC_TWR = "basic_twr"
     """Basic Time Waveform Replication, Eq. 2 of the paper: a fixed inverse model."""
@@ -51,7 +51,7 @@ class CorrectionPrediction(StrEnum):
 
 
 class CorrectionShape(StrEnum):
-    """Which elements of a correction Adaptive Modelling estimates."""
+    """Elements of a correction that Adaptive Modelling estimates."""
 
     DIAGONAL = "diagonal"
     """Correct each channel separately."""
@@ -77,7 +77,7 @@ class DamageExponent(IntEnum):
 
 
 class SecantSettings(Section):
-    """How the secant update learns from the steps between playbacks."""
+    """Settings of the secant update."""
 
     forgetting: float = Field(default=0.7, ge=1e-3, le=1, description="Weight of a step relative to the one after it.")
     prior_strength: float = Field(default=1.0, ge=1e-6, le=1e6, description="Weight of the identified model.")
@@ -254,7 +254,7 @@ class ResponseGroup(Section):
 
 
 class UpdateSection(UpdateMethod):
-    """How each next drive is made from the error of the playbacks so far."""
+    """Update of the drive from the errors of the playbacks so far."""
 
     iteration_gain: GainPerChannel = Field(
         description="Share of the error that a playback corrects, above 0 to 1: one number, or one for each response."
@@ -375,7 +375,7 @@ class UpdateSection(UpdateMethod):
 
 
 class StopCriteria(Section):
-    """When the iteration ends: the message `duralab.v1.StopCriteria`."""
+    """Stop criteria of the iteration: the message `duralab.v1.StopCriteria`."""
 
     iterations: int = Field(ge=1, le=1000, description="Largest number of playbacks of the target.")
     relative_rms_error: NotNegative = Field(
@@ -428,7 +428,7 @@ class StopCriteria(Section):
 
 
 class PlaybackSettings(Section):
-    """How the playbacks of a campaign are made: fields of the message `duralab.v1.CampaignSpec`."""
+    """Settings of the playbacks of a campaign: fields of the message `duralab.v1.CampaignSpec`."""
 
     limit_policy: Annotated[LimitPolicy, Wire(zero=LimitPolicy.REFUSE)] = Field(
         default=LimitPolicy.PROJECT,
@@ -494,7 +494,7 @@ class PlaybackSettings(Section):
 
 
 class ControlBandSettings(Section):
-    """Where the target is reproduced and judged; it is whole between the two edges."""
+    """Band in which the target is reproduced and judged; it is whole between the two edges."""
 
     lowest_frequency: NotNegative = Field(
         description="Lower edge in hertz; the target holds one period of it at least. 0: means and slow parts are "

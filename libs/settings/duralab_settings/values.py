@@ -28,7 +28,7 @@ class MisfitError(ValueError):
 
 @dataclass(frozen=True)
 class Wire:
-    """How the message writes a value that the model writes otherwise; see `to_message`.
+    """Representation of a value in the message if it differs from the model; see `to_message`.
 
     `zero`: What 0 of the message stands for; without it 0 is the value 0, and None where the model allows None. `none`:
     What the message holds for None.

@@ -1,4 +1,4 @@
-"""How a record is cut into overlapping blocks, and how much independent information they hold."""
+"""Division of a record into overlapping blocks, and the number of independent ones."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

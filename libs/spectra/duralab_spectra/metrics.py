@@ -1,4 +1,4 @@
-"""How well a response reproduces its target: figures per channel, and one over all."""
+"""Errors of a response against its target, per channel and over all."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -216,7 +216,7 @@ class IteratorService:
         return accepted
 
     def status(self, request: iterator_pb2.CampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Tell how a campaign stands."""
+        """Return the status of a campaign."""
         del request
         return self._entry(id_of(call.key)).board.snapshot()
 

@@ -1,4 +1,4 @@
-"""Who may sign in: a file of names, roles, hashes of passwords and names of certificates."""
+"""Accounts of the page: a file of names, roles, hashes of passwords and names of certificates."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NO_ACCOUNT = HASHER.hash("of nobody")
 
 
 class PageRole(StrEnum):
-    """What a person may do at the page."""
+    """Role of a person at the page."""
 
     VIEWER = "viewer"
     OPERATOR = "operator"

@@ -1,4 +1,4 @@
-"""What people do at the page, carried out in the lab, each with the name of who did it."""
+"""Commands of the page, carried out in the lab and logged with the person's name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How the operator page is configured."""
+"""Configuration of the operator page."""
 
 from __future__ import annotations
 

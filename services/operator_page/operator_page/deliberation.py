@@ -55,7 +55,7 @@ class Holder:
 
 
 class Holders:
-    """Who holds which rig: the first who commands it, until another one takes it over."""
+    """Holders of the rigs: the first person who commands a rig, until another one takes it over."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()

@@ -1,4 +1,4 @@
-"""What can be asked over HTTP: endpoints, who asks, and threads and processes that answer."""
+"""HTTP endpoints, their callers, and the threads and processes that answer."""
 
 from __future__ import annotations
 

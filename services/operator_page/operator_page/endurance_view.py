@@ -1,4 +1,4 @@
-"""What the page shows of endurance tests: how far each is, and what its repeats show."""
+"""Endurance tests on the page: progress and trends."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the page shows of the lab: kept up to date by threads, read by every open page."""
+"""State of the lab on the page: updated by threads, read by every open page."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a browser may send: the values of each command, checked before anything looks at them."""
+"""Requests of a browser: the values of each command, checked before use."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ class SignIn(Values):
 
 
 class Stop(Values):
-    """Why something is stopped, if somebody says."""
+    """Reason of a stop; optional."""
 
     reason: Said = ""
 
 
 class Reset(Values):
-    """Why a rig may move again."""
+    """Reason of a reset."""
 
     reason: ResetReason
 
@@ -101,7 +101,7 @@ class BeginEndurance(Values):
 
 
 class StopEndurance(Values):
-    """Why an endurance test holds or ends."""
+    """Reason of a hold or an end of an endurance test."""
 
     reason: Reason
 

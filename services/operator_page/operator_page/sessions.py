@@ -1,4 +1,4 @@
-"""Who is signed in: sessions that expire, tokens against forged requests, limits of rate."""
+"""Sessions of the page: expiry, tokens against forged requests, rate limits."""
 
 from __future__ import annotations
 

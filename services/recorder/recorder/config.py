@@ -1,4 +1,4 @@
-"""How a recorder is configured."""
+"""Configuration of a recorder."""
 
 from __future__ import annotations
 

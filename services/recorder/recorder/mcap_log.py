@@ -258,7 +258,7 @@ def describe_schema(kind: type[Message], *, doubles: bool = False) -> bytes:
 
 
 def holds_doubles_only(message: Message) -> bool:
-    """Tell whether every array within a message is of float64 or complex128, so that its elements read as doubles."""
+    """Return whether every array within a message is of float64 or complex128, so that its elements read as doubles."""
     if isinstance(message, array_pb2.Array):
         return not message.data or message.element_type in _DOUBLES
     for field, value in message.ListFields():

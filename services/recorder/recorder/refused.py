@@ -1,4 +1,4 @@
-"""What the recorder answers to a request that it cannot grant, free of any bus."""
+"""Refusals of the recorder, independent of the bus."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with a recording outside a recorder's folder: `python -m recorder.verify_file RECORDING.mcap`."""
+"""Check of a recording outside a recorder's folder: `python -m recorder.verify_file RECORDING.mcap`."""
 
 from __future__ import annotations
 

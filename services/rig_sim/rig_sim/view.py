@@ -1,4 +1,4 @@
-"""What a 3-D view of a rig shows: its bodies, the SDF's visuals, the actuators' cylinders, its elements as lines."""
+"""Content of a rig's 3-D view: its bodies, the SDF's visuals, the actuators' cylinders, its elements as lines."""
 
 from __future__ import annotations
 

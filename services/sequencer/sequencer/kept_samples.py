@@ -1,4 +1,4 @@
-"""Which repeats are recorded with all samples: the first, every n-th, and those around an alarm."""
+"""Repeats that are recorded with all samples: the first, every n-th, and those around an alarm."""
 
 from __future__ import annotations
 

@@ -182,7 +182,7 @@ class SequencerService:
         return None if folder is None else HeldFiles(folder / id, warn=journal.warning)
 
     def status(self, request: sequencer_pb2.EnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
-        """Tell how an endurance test stands."""
+        """Return the status of an endurance test."""
         del request
         return self._entry(id_of(call.key)).board.snapshot()
 

@@ -1,4 +1,4 @@
-"""What was played so far: repeats and damage of each event, measured, or as planned where the end is not known."""
+"""Repeats and damage of each event so far: measured, or planned if the end of a repeat is unknown."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ class EndStatus(Protocol):
 
 @dataclass(frozen=True)
 class EarlyEnd:
-    """How something ended before its last step: `activity` for its status, and its `fault`."""
+    """End before the last step: `activity` for the status, and the `fault`."""
 
     activity: str
     fault: query_pb2.Fault

@@ -239,7 +239,7 @@ class _StopSignal:
             os.kill(os.getpid(), signal.SIGTERM)
 
     def _watch(self) -> None:
-        """Tell where the threads are when asked; end the process when it does not by itself, whatever is stuck."""
+        """Log the threads' positions on request; end the process if it does not end by itself."""
         if sys.platform == "win32":
             self._signal_reads.recv(1)
         else:

@@ -153,7 +153,7 @@ class QueryJob(Generic[MessageT]):
         self._log = structlog.get_logger("duralab_bus").bind(key=self.key)
 
     def cancel(self) -> None:
-        """Tell the handler that nobody waits any more."""
+        """Notify the handler that its caller has gone."""
         self._cancelled.set()
 
     def run(self) -> None:

@@ -1,4 +1,4 @@
-"""How a session joins the bus, as typed configuration."""
+"""Settings of a session on the bus."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ class TlsConfig(BaseModel):
 
 
 class BusConfig(BaseModel):
-    """How a session joins the bus; the default is a peer on loopback that only this machine can reach."""
+    """Settings of a session on the bus; the default is a peer on loopback that only this machine can reach."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

@@ -32,7 +32,7 @@ _LARGEST_BYTES: Final = 2**20
 
 @dataclass(frozen=True)
 class Identity:
-    """Who a session is to a secured lab: the member in its certificate, and when the router closes its link."""
+    """Identity of a session in a secured lab: the member in its certificate, and when the router closes its link."""
 
     member: Member
     expires: datetime

@@ -45,7 +45,7 @@ class Store(ABC):
     @property
     @abstractmethod
     def size(self) -> int:
-        """How many bytes it takes."""
+        """Size in bytes."""
 
     @abstractmethod
     def append(self, seq: int, payload: bytes, encoding: str) -> None:
@@ -139,7 +139,7 @@ class SpoolSpace:
 
     @property
     def shortage(self) -> str:
-        """Why no more should be published; empty while there is room."""
+        """Reason to publish no more; empty while there is room."""
         if self.used_bytes <= self.largest_bytes * 7 // 8:
             return ""
         return f"the spool of {self.largest_bytes / 2**20:.0f} MiB {self._where} is full"
@@ -164,7 +164,7 @@ class SpoolSpace:
 
 
 class Extent(NamedTuple):
-    """How far a spool reaches: `first` to `next` can be replayed, all below `marked` are stored elsewhere."""
+    """Extent of a spool: `first` to `next` can be replayed, all below `marked` are stored elsewhere."""
 
     first: int
     next: int
@@ -189,13 +189,13 @@ class Spool:
 
     @property
     def extent(self) -> Extent:
-        """How far it reaches now."""
+        """Present extent of the spool."""
         with self._lock:
             return Extent(self._first, self._next, self._marked)
 
     @property
     def unmarked(self) -> int:
-        """How many messages are not marked."""
+        """Number of messages that are not marked."""
         with self._lock:
             return self._next - self._marked
 
@@ -206,7 +206,7 @@ class Spool:
 
     @property
     def shortage(self) -> str:
-        """Why nothing more should be published before more is marked; empty while there is room."""
+        """Reason to publish no more before more is marked; empty while there is room."""
         with self._lock:
             return self._store.shortage if self.held else ""
 

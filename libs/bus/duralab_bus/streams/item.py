@@ -41,7 +41,7 @@ class StreamItem(NamedTuple, Generic[MessageT]):
 
     @property
     def position(self) -> tuple[str, int, int]:
-        """Which message it is, of all streams: key, epoch and sequence number."""
+        """Identity of the message among all streams: key, epoch and sequence number."""
         return self.key, self.epoch, self.seq
 
 
@@ -55,7 +55,7 @@ class RefusedItem(NamedTuple):
 
     @property
     def position(self) -> tuple[str, int, int]:
-        """Which message it is, of all streams: key, epoch and sequence number."""
+        """Identity of the message among all streams: key, epoch and sequence number."""
         return self.key, self.epoch, self.seq
 
 

@@ -24,18 +24,18 @@ class Continuity:
 
     @property
     def contiguous(self) -> int:
-        """How many messages from the start are there without a gap."""
+        """Number of messages from the start without a gap."""
         return self._gaps[0].start if self._gaps else self._next
 
     @property
     def received(self) -> int:
-        """How many different messages were received."""
+        """Number of different messages received."""
         # Not len(): a stranger's number may be beyond what it takes.
         return self._next - sum(gap.stop - gap.start for gap in self._gaps)
 
     @property
     def gaps(self) -> int:
-        """How many gaps there are between those received."""
+        """Number of gaps between the received messages."""
         return len(self._gaps)
 
     def __contains__(self, seq: int) -> bool:
@@ -164,7 +164,7 @@ class StreamOrder(Generic[T]):
 
     @property
     def missing(self) -> int:
-        """How many messages are published, as far as is known, and not delivered, held back or lost."""
+        """Number of messages known to be published that are not delivered, held back or lost."""
         return sum(gap.stop - gap.start for gap in self._delivered.missing(self._count)) - len(self._held)
 
     @property

@@ -75,7 +75,7 @@ class StreamPublisher:
 
     @property
     def shortage(self) -> str:
-        """Why nothing more should be published until more is marked as stored; empty while there is room.
+        """Reason to publish no more until more is marked as stored; empty while there is room.
 
         An eighth of the spool, or what is left of a segment on a full disk, is still there then: for what has to be
         published all the same, such as the way down of a rig.
@@ -84,7 +84,7 @@ class StreamPublisher:
 
     @property
     def unmarked(self) -> int:
-        """How many messages are not marked as stored.
+        """Number of messages that are not marked as stored.
 
         A publisher that could outrun its receiver waits while these are more than a few thousand: what a receiver has
         no room for must be replayed, which costs both more than waiting.

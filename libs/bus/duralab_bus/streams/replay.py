@@ -425,7 +425,7 @@ class ReplayClient:
         return stop
 
     def mark(self, key: str, *, epoch: int, stored: int) -> None:
-        """Tell the publisher that all below a number are stored."""
+        """Notify the publisher that all messages below a number are stored."""
         mark = stream_pb2.StreamMark(epoch=epoch, next=stored)
         try:
             self._session.current.put(

@@ -1,4 +1,4 @@
-"""How any rig plays a drive, without bus and messages: ways in and out, blocks, watchdogs, use of the actuators."""
+"""Playback of a drive on any rig, without bus and messages: ramps, blocks, watchdogs, use of the actuators."""
 
 from duralab_gateway.motion.following import FollowedDrive
 from duralab_gateway.motion.playback import (

@@ -86,7 +86,7 @@ def _ramp_samples(seconds: float, height: np.ndarray, channels: Sequence[DriveCh
 
 @dataclass(frozen=True)
 class Use:
-    """How one drive channel used its actuator; one that moves none (a road) has a peak and nothing else."""
+    """Use of the actuator by one drive channel; a channel without an actuator (a road) has a peak only."""
 
     drive: str
     #: Largest magnitude of the drive over the limit in that direction, 0 to 1.

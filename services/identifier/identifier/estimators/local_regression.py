@@ -21,7 +21,7 @@ _LINES_TOGETHER = 32
 
 @dataclass(frozen=True)
 class LocalModel:
-    """Which lines and which polynomials a local method takes.
+    """Lines and polynomials of a local method.
 
     `order`: Of numerator and transient, 0 or more. `denominator_order`: 0 for the local polynomial method (LPM); as
     `order` for the local rational one (LRM): a common denominator for each response follows sharp resonances.

@@ -72,7 +72,7 @@ def estimate_from_spectra(
 
 
 def on_all_lines(values: NDArray[T], lines: NDArray[np.intp], size: int) -> NDArray[T]:
-    """Put what was estimated at some lines onto the whole grid, 0 elsewhere."""
+    """Return estimates on the whole grid, 0 at the other lines."""
     result = np.zeros((size, *values.shape[1:]), dtype=values.dtype)
     result[lines] = values
     return result

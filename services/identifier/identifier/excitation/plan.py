@@ -1,4 +1,4 @@
-"""How long an experiment takes and what it gives, before anything moves."""
+"""Plan of an experiment: duration and results, known before anything moves."""
 
 import math
 from dataclasses import dataclass

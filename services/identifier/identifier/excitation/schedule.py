@@ -1,4 +1,4 @@
-"""When an experiment plays what: blocks, delays, captures and lines, before a single sample is made."""
+"""Schedule of an experiment: blocks, delays, captures and lines."""
 
 import math
 

@@ -145,7 +145,7 @@ def model_of(
 
 
 def distortion_of(drive: NDArray[np.float64], response: NDArray[np.float64], layout: Layout) -> DistortionLevels | None:
-    """Tell noise and distortion apart where the experiment allows it.
+    """Separate noise and distortion if the experiment allows it.
 
     `drive`: Shape (drives, samples), as played. `response`: Shape (responses, samples), as measured. `layout`: Of the
     drive.

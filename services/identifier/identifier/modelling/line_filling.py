@@ -28,7 +28,7 @@ class FilledLines:
 
 
 def valid_band(layout: Layout) -> ValidBand:
-    """Tell where the model of an experiment will be valid.
+    """Return the band in which the model of an experiment will be valid.
 
     `layout`: Of the experiment.
     Returns: From the lower to the upper edge of the excitation; where lines next to an edge are left out, from the

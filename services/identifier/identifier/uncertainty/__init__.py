@@ -1,4 +1,4 @@
-"""How far an identified model can be trusted: random error, nonlinearity, prediction, convergence, levels."""
+"""Trust in an identified model: random error, nonlinearity, prediction, convergence, levels."""
 
 from identifier.uncertainty.convergence import Convergence, predict_convergence, spectral_radius
 from identifier.uncertainty.covariance import element_variance, relative_magnitude_variance, row_covariance

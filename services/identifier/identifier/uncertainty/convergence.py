@@ -1,4 +1,4 @@
-"""How fast Time Waveform Replication with a model's inverse converges, and how sure that is (Eqs. 4 to 6)."""
+"""Convergence of Time Waveform Replication with a model's inverse, and its uncertainty (Eqs. 4 to 6)."""
 
 from dataclasses import dataclass
 

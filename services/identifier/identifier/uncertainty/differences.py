@@ -1,4 +1,4 @@
-"""How far two models of one rig differ, and how much of it chance explains: what another level changes."""
+"""Difference of two models of one rig, and the part of it that noise explains."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

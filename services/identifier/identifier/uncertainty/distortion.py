@@ -96,7 +96,7 @@ def has_other_phases(layout: Layout) -> bool:
 
 
 def separate_distortion(drive: ArrayLike, response: ArrayLike, layout: Layout) -> DistortionLevels:
-    """Tell noise and stochastic nonlinear distortion apart.
+    """Separate noise and stochastic nonlinear distortion.
 
     Parameters
     ----------

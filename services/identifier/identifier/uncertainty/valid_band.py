@@ -1,4 +1,4 @@
-"""Where a model is valid, and its values between its own lines."""
+"""Valid band of a model, and its values between its own lines."""
 
 from dataclasses import dataclass
 

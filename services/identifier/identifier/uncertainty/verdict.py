@@ -1,4 +1,4 @@
-"""How linear a rig is, in plain words: one sentence for each response."""
+"""Linearity of a rig in one sentence for each response."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""How well one playback reproduced the target, in the control band."""
+"""Errors of one playback against the target, in the control band."""
 
 from __future__ import annotations
 

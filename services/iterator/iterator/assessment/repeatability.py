@@ -1,4 +1,4 @@
-"""How far a rig repeats itself: playbacks of one drive, compared with each other and with the target."""
+"""Repeatability of a rig: playbacks of one drive, compared with each other and with the target."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""When the iteration ends, and why."""
+"""Stop criteria of the iteration."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iterator.assessment.metrics import IterationMetrics
 
 
 class Outcome(enum.Enum):
-    """Why an iteration ended."""
+    """Reason for the end of an iteration."""
 
     REACHED = "every channel's error, and its damage ratio where bounds are asked, is as asked"
     ITERATIONS_USED = "all playbacks were used"

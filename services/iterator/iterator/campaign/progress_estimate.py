@@ -1,4 +1,4 @@
-"""How far a campaign is and how long it still takes, from the durations of its steps so far."""
+"""Progress and remaining time of a campaign, from the durations of its steps so far."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _SMALLEST_SHARE = 0.05
 
 @dataclass(frozen=True)
 class Progress:
-    """Where a campaign stands.
+    """Progress of a campaign.
 
     `fraction`: Share of the whole campaign that is done, 0 to 1, by length of what is played. `remaining_seconds`:
     Expected time to the end, s; -1 where unknown.

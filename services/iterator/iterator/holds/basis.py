@@ -31,7 +31,7 @@ class Basis:
 
     @cached_property
     def controlled(self) -> NDArray[np.bool_]:
-        """Which responses are controlled, shape (n_y,)."""
+        """Mask of the controlled responses, shape (n_y,)."""
         return controlled_responses(self.identified)
 
     @cached_property

@@ -46,7 +46,7 @@ class StepSpectra:
 
 @dataclass(frozen=True)
 class StepBlocks:
-    """How steps are cut into blocks, and which lines of them are kept.
+    """Division of steps into blocks, and the lines that are kept.
 
     `block_samples`: Samples in a block, even; half a block of zeros goes before and behind, so that ends count and any
     length does. `overlap`: Of the blocks, 0 up to but not including 1. `sample_rate`: Hz. `first`, `last`: Lines

@@ -1,4 +1,4 @@
-"""How to iterate, and when to end."""
+"""Settings of update and stop criteria."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from iterator.updates import UpdateSettings
 
 
 class CampaignSettings(PlaybackSettings):
-    """How to iterate and when to end; its other fields are those of `PlaybackSettings`.
+    """Settings of update and stop criteria; the other fields are those of `PlaybackSettings`.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from iterator.model import IterationHistory
 
 @dataclass(frozen=True)
 class AcceptanceSettings:
-    """How a playback is accepted, stretch by stretch.
+    """Settings of the acceptance of a playback, segment by segment.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ class AcceptanceSettings:
 
 @dataclass(frozen=True)
 class AcceptedIterate:
-    """Where the next step starts.
+    """Start of the next step.
 
     Parameters
     ----------

@@ -82,7 +82,7 @@ class UpdateSettings(ResolvedUpdate):
 
 @dataclass(frozen=True)
 class NextDrive:
-    """What an update returns.
+    """Result of an update.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a recording consists of: its files, their topics and metadata, its steps, runs and summary."""
+"""Format of a recording: its files, their topics and metadata, its steps, runs and summary."""
 
 from recorder.format.content import (
     SCENARIO_METADATA,

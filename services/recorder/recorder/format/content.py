@@ -1,4 +1,4 @@
-"""What the files of a recording hold, gathered from their records in order: steps, playbacks, blocks, attachments."""
+"""Content of the files of a recording, read in order: steps, playbacks, blocks, attachments."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ _TYPES_STORED_ONCE: Final = tuple(type_name_of(kind) for kind in STORED_ONCE)
 
 @dataclass
 class Content:
-    """What was found so far; `take` adds to it, file by file.
+    """Content read so far; `take` adds a file.
 
     `steps`: Full name of the message and SHA-256 of the payload of each step. `blocks`, `samples`: Signal blocks of
     each rig, run and epoch, and whether their samples follow each other. `named`: Run, epoch and hash of the samples

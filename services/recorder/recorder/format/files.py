@@ -1,4 +1,4 @@
-"""Which files belong to a recording: `<id>.mcap`, `<id>.part02.mcap`, …, and how they are named."""
+"""Files of a recording: `<id>.mcap`, `<id>.part02.mcap`, …, and how they are named."""
 
 from __future__ import annotations
 

@@ -86,7 +86,7 @@ _HASH: Final = re.compile("[0-9a-f]{64}")
 
 
 def leaves_samples_out(message: Message) -> TypeGuard[PlaybackStep]:
-    """Tell whether a step names the hash of its run's samples only: the run's signal blocks hold them."""
+    """Return whether a step names the hash of its run's samples only: the run's signal blocks hold them."""
     if isinstance(message, sequencer_pb2.EnduranceRepeat):
         return bool(message.samples_hash)
     return isinstance(message, PlaybackStep) and not message.HasField("response")

@@ -1,4 +1,4 @@
-"""What each file of a recording says at its end about everything stored so far: the metadata `summary`.
+"""Metadata `summary` at the end of each file of a recording: everything stored so far.
 
 It lets a recorder continue with a recording without reading what lies before, and a reader judge what it has read.
 """
@@ -76,7 +76,7 @@ _ENDS: Final = {
 
 @dataclass(frozen=True)
 class Story:
-    """What a recording was about, and its begin in nanoseconds since 1970 UTC; empty or 0 where it is not known."""
+    """Subject of a recording, and its begin in nanoseconds since 1970 UTC; empty or 0 where it is not known."""
 
     rig: str = ""
     target: str = ""

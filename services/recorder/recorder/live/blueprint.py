@@ -1,4 +1,4 @@
-"""What the viewer shows without a click: tabs with a plot for each channel, titled with its unit."""
+"""Layout of the live view: tabs with a plot for each channel, titled with its unit."""
 
 from __future__ import annotations
 

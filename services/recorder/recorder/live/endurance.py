@@ -50,7 +50,7 @@ EnduranceStep = (
 
 
 class EnduranceDrawing:
-    """What the viewer shows of one recording of an endurance test.
+    """Live view of one recording of an endurance test.
 
     `stream`: Of the view.
     """

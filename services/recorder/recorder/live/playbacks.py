@@ -1,4 +1,4 @@
-"""What the live view calls a playback: the iteration that a run is of, and which attempt at it.
+"""Name of a playback in the live view: iteration and attempt.
 
 A motion that a crash broke off is asked for again under a new run name: `<id>.i02-2` after `<id>.i02`. What is drawn
 cannot be taken back and nobody knows beforehand that an attempt will fail, so each attempt has curves of its own; the

@@ -1,4 +1,4 @@
-"""What a log holds, shown in a live view: through the same code as while it is recorded, in the order of the log."""
+"""Live view of a recorded log, made by the same code as during recording, in the order of the log."""
 
 from __future__ import annotations
 

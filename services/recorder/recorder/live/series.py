@@ -45,7 +45,7 @@ CHANNEL_COLOURS: Final[tuple[Colour, ...]] = (
 
 
 class Group(Enum):
-    """What kind of signal a curve is; the first part of its path."""
+    """Kind of a curve's signal; the first part of its path."""
 
     RESPONSE = "response"
     """In the control band, as it is judged against the target."""
@@ -55,7 +55,7 @@ class Group(Enum):
 
 
 class Look(Enum):
-    """How much a curve stands out."""
+    """Emphasis of a curve."""
 
     TARGET = "target"
     LATEST = "latest"

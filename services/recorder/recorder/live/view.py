@@ -42,7 +42,7 @@ LOG_LINES: Final = 100
 
 
 class LiveView:
-    """What the viewer shows of one recording. Not for several threads at once.
+    """Live view of one recording. Not safe for threads.
 
     Parameters
     ----------

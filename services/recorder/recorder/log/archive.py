@@ -82,7 +82,7 @@ class RunRegistry:
             run.played = message
 
     def is_new(self, run: PlannedRun, epoch: int, seq: int) -> bool:
-        """Tell whether a block is to be stored: it was not before, and its number is a possible one."""
+        """Return whether a block must be stored: it is new and its number is possible."""
         return seq < MOST_BLOCKS and (epoch not in run.epochs or seq not in run.epochs[epoch])
 
     def accept(self, run: PlannedRun, epoch: int, seq: int) -> None:

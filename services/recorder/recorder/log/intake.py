@@ -1,4 +1,4 @@
-"""How much of the streams is in memory and not yet safe: who delivers too much is held up, and nothing is dropped."""
+"""Stream data in memory that are not on disk yet: a fast publisher is held up, and nothing is dropped."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Intake:
 
     @property
     def bytes(self) -> int:
-        """How much is not safe yet."""
+        """Number of bytes that are not on disk yet."""
         return self._bytes
 
     @property

@@ -77,7 +77,7 @@ class Reopened:
 
 
 def is_ended(folder: Path, name: str) -> bool:
-    """Tell quickly whether a recording is complete: its last file is finished and says so."""
+    """Return whether a recording is complete, from the end of its last file."""
     summary = read_summary(files_of(folder, name)[-1])
     return summary is not None and summary.ended
 

@@ -91,7 +91,7 @@ def _closing(path: Path, size: int, changed: int) -> recorder_pb2.RecordingInfo 
 
 
 def fits(information: recorder_pb2.RecordingInfo, request: recorder_pb2.ListRecordingsRequest) -> bool:
-    """Tell whether a recording is one of those that are looked for."""
+    """Return whether a recording matches the search."""
     return (
         (not request.rig or information.rig == request.rig)
         and request.target.casefold() in information.target.casefold()

@@ -33,7 +33,7 @@ _BLOCK_BYTES: Final = 1024 * 1024
 
 @dataclass
 class Audit:
-    """What was found in a recording."""
+    """Findings of an audit of a recording."""
 
     findings: list[str] = field(default_factory=list)
     content: Content = field(default_factory=Content)

@@ -42,7 +42,7 @@ class Proof:
 
 @dataclass(frozen=True)
 class DrakeAnswers:
-    """What Drake says of one state: position rates (n_q,), accelerations (n_v,), responses (responses,)."""
+    """Drake's values at one state: position rates (n_q,), accelerations (n_v,), responses (responses,)."""
 
     position_rates: np.ndarray
     accelerations: np.ndarray

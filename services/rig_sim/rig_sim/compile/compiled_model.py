@@ -90,7 +90,7 @@ _OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
 
 @dataclass(frozen=True)
 class Playback:
-    """What a model did.
+    """Result of playing a model.
 
     Attributes
     ----------
@@ -111,7 +111,7 @@ class Playback:
 
 
 class Steps(TypedDict):
-    """How a record is integrated: seconds between samples, steps to a sample, and how one is taken."""
+    """Steps of an integration: sample interval in s, steps per sample, and method."""
 
     sample_interval: float
     substeps: int

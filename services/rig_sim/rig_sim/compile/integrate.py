@@ -37,7 +37,7 @@ Rational = Fraction | int
 
 @dataclass(frozen=True)
 class Tableau:
-    """What a method takes from which stage (Butcher's tableau).
+    """Butcher's tableau of a method.
 
     `order`: The power of the step with which its error falls. `nodes`: Where in the step each stage lies, 0 to 1.
     `stages`: For each stage after the first, the shares of the slopes before it. `weights`: The shares of all slopes in
@@ -65,7 +65,7 @@ class Tableau:
 
 
 class Method(Enum):
-    """How a fixed step is taken."""
+    """Method of a fixed step."""
 
     #: The classical one: 4 evaluations a step.
     RUNGE_KUTTA_4 = "runge_kutta_4"

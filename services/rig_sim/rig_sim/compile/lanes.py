@@ -1,4 +1,4 @@
-"""What a mirrored model computes two at a time, as lanes of one vector, and what one at a time.
+"""Lanes of a mirrored model: what is computed in pairs, as one vector, and what is not.
 
 A vector stands for one expression of either side and is right whatever it pairs: the same operation on vectors of the
 operands, or two numbers put side by side where operations differ. Signs, which a mirror turns, are kept apart from the

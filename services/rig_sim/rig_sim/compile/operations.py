@@ -14,7 +14,7 @@ import numpy as np
 
 
 class Operation(Enum):
-    """What a node of a graph computes from its operands."""
+    """Operation of a node on its operands."""
 
     CONSTANT = "constant"
     INPUT = "input"

@@ -88,7 +88,7 @@ class _Structure:
         return colours
 
     def refined(self, leaves: dict[int, int]) -> dict[int, int]:
-        """Tell leaves apart by what they are computed from and used in, until nothing changes."""
+        """Refine the colours of leaves by the expressions around them, until nothing changes."""
         while True:
             colours = self.colour(leaves)
             table: dict[object, int] = {}

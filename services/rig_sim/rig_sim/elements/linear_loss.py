@@ -1,4 +1,4 @@
-"""What a spring or bushing of the SDF has lost by wear: the opposite of that share of its force.
+"""Wear of a spring or bushing of the SDF: the opposite of the lost share of its force.
 
 The part itself stays as the SDF says, also in Drake's plant; what is left of it is the sum of both.
 """

@@ -1,4 +1,4 @@
-"""What a linear bushing lacks: rubber stiffens with travel and sticks before it slips.
+"""Rubber beside a linear bushing: it stiffens with travel and sticks before it slips.
 
 The element acts along one axis of a frame, in parallel with the linear bushing of the SDF. Friction follows Bouc and
 Wen (Wen, *Method for random vibration of hysteretic systems*, 1976) with exponent 1: at small travel it is an extra

@@ -1,4 +1,4 @@
-"""Who integrates a rig: the compiled player, or Drake. One choice per rig, of one interface."""
+"""Engine of a rig: the compiled player or Drake, behind one interface."""
 
 from __future__ import annotations
 

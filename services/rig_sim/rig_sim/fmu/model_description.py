@@ -1,4 +1,4 @@
-"""What an FMU says of itself, checked against the YAML: platforms, variables, units and step."""
+"""Description of an FMU, checked against the YAML: platforms, variables, units and step."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Ports:
 
 @dataclass(frozen=True)
 class FmuModel:
-    """What is needed of an FMU to play it."""
+    """Model of an FMU: everything that a playback needs."""
 
     fmi: int
     identifier: str

@@ -12,7 +12,7 @@ from rig_sim.parameters import STRICT, NotNegative, Positive
 
 @parameters(config=STRICT)
 class Cushion:
-    """What stops the piston over the last `length` of its half stroke: a spring and a damper that do not pull."""
+    """Cushion of the piston over the last `length` of its half stroke: a spring and a damper that do not pull."""
 
     #: In m; the contact begins this far from the metal end.
     length: Positive

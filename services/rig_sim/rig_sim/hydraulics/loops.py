@@ -28,7 +28,7 @@ class Command(NamedTuple):
 
 
 class Piston(NamedTuple):
-    """What a controller knows of the piston: load pressure in MPa, speed in m/s, acceleration in m/s^2."""
+    """State of the piston as the controller measures it: load pressure in MPa, speed in m/s, acceleration in m/s^2."""
 
     load_pressure: Any
     speed: Any
@@ -37,7 +37,7 @@ class Piston(NamedTuple):
 
 
 class Feedback(StrEnum):
-    """What a force loop takes for the force."""
+    """Source of the feedback of a force loop."""
 
     #: A load cell in the rod between piston and specimen.
     LOAD_CELL = "load_cell"
@@ -47,7 +47,7 @@ class Feedback(StrEnum):
 
 @parameters(config=STRICT)
 class _Controller:
-    """What both controllers in front of the valve have."""
+    """Common part of both controllers of the valve."""
 
     #: Share of full opening per metre or newton of error, in 1/m or 1/N, and per metre or newton second.
     proportional: Positive

@@ -1,4 +1,4 @@
-"""What a specimen's YAML says of its hydraulics, and mounting it on the tree: joints, rods and load cells by name."""
+"""Hydraulics in a specimen's YAML, and their mounting on the tree: joints, rods and load cells by name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a rig measures: forces and moments at a spindle, accelerations, strut travel, forces in bushings.
+"""Measurements of a rig: forces and moments at a spindle, accelerations, strut travel, forces in bushings.
 
 Each sensor reads the rig at one instant, over generic scalars like the model it looks at.
 """

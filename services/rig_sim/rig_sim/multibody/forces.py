@@ -1,4 +1,4 @@
-"""What elements do to the rig at one instant, and the force elements that SDF can state: springs, Drake's bushing."""
+"""Effects of elements on the rig at one instant, and the force elements of SDF: springs, Drake's bushing."""
 
 from __future__ import annotations
 

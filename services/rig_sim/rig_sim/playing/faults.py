@@ -19,7 +19,7 @@ Share = Annotated[float, Field(gt=0.0, lt=1.0)]
 
 
 class FaultKind(StrEnum):
-    """What is broken."""
+    """Kind of a fault."""
 
     STUCK_SENSOR = "stuck_sensor"
     NOISY_SENSOR = "noisy_sensor"

@@ -166,7 +166,7 @@ class Rig:
 
     @property
     def steps(self) -> Steps:
-        """How a fixed step is taken."""
+        """Method of a fixed step."""
         specimen = self.specimen
         return Steps(sample_interval=1.0 / specimen.sample_rate, substeps=specimen.substeps, method=specimen.integrator)
 

@@ -1,4 +1,4 @@
-"""What playbacks of all simulated rigs share: the sensors, with their noise and their faults."""
+"""Common part of playbacks of simulated rigs: the sensors, with their noise and their faults."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What plays a simulated rig: part of its content hash, so that no change of the equations is forgotten."""
+"""Software of a simulated rig: part of its content hash, so that every change of the equations changes the hash."""
 
 from __future__ import annotations
 

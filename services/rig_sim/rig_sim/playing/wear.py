@@ -1,4 +1,4 @@
-"""What a specimen has lost: its state between runs, and what the rig plays with in that state.
+"""Losses of a specimen: its state between runs, and the rig's inputs in that state.
 
 Within a run nothing changes: damage is counted from the loads of the whole run, its ways in and out among them, and
 acts from the next run on. So a run belongs to one state, and the state follows from the runs before and nothing else.
@@ -18,7 +18,7 @@ from rig_sim.specimen import GainDrift, Share, SpecimenError
 
 
 class WearState(BaseModel):
-    """What a specimen has gone through.
+    """State of wear of a specimen.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ from rig_sim.specimen import SpecimenError
 
 
 class WearFile:
-    """Where the state of one specimen is kept; only ever replaced whole, so that a killed rig finds the last one."""
+    """File of the state of one specimen; it is only replaced as a whole, so that a killed rig finds the last one."""
 
     def __init__(self, folder: Path, *, rig: str, specimen: str) -> None:
         self.path = folder / f"{rig}.{specimen}.json"

@@ -1,4 +1,4 @@
-"""What a specimen's YAML may hold, the limits and ramps in it, and the specimens that ship with the project."""
+"""Schema of a specimen's YAML, its limits and ramps, and the shipped specimens."""
 
 from rig_sim.specimen.parts import mirrored_name
 from rig_sim.specimen.responses import (

@@ -17,7 +17,7 @@ Axis = Literal["x", "y", "z"]
 
 
 class Quantity(StrEnum):
-    """What a channel carries."""
+    """Physical quantity of a channel."""
 
     ACCELERATION = "acceleration"
     DISPLACEMENT = "displacement"

@@ -29,7 +29,7 @@ from rig_sim.specimen.wear import PLACES, Wear, WearKind
 
 
 class Range(BaseModel):
-    """Where a monitored value has to stay, in its own unit; either end may be open."""
+    """Permitted range of a monitored value, in its own unit; either end may be open."""
 
     model_config = STRICT
 
@@ -269,7 +269,7 @@ class InputChannel(BaseModel):
 
 
 class RigSpecimen(BaseModel):
-    """What the YAML of every kind of rig says."""
+    """Common keys of the YAML of every kind of rig."""
 
     model_config = STRICT
 

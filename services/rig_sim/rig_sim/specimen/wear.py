@@ -1,4 +1,4 @@
-"""How a specimen wears: what its parts lose with accumulated damage, and sensors whose gain drifts.
+"""Wear of a specimen: losses of its parts with accumulated damage, and drift of sensor gains.
 
 Damage is a Miner sum (Palmgren 1924, Miner 1945) of the part's own load: each rainflow cycle of range S counts
 `(S / reference_range) ** exponent / reference_cycles`, so that damage 1 is `reference_cycles` of `reference_range`.
@@ -20,7 +20,7 @@ Share = Annotated[float, Field(ge=0.0, le=0.95)]
 
 
 class WearKind(StrEnum):
-    """What wears, and how."""
+    """Kind of wear."""
 
     SOFTENING = "softening"
     CRACK = "crack"
@@ -28,7 +28,7 @@ class WearKind(StrEnum):
 
 
 class Load(StrEnum):
-    """What of a part is counted."""
+    """Load of a part that is counted."""
 
     #: In N: of a bushing on its mount, along `axis` of frame A, rubber included.
     FORCE = "force"

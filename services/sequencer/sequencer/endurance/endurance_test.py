@@ -34,7 +34,7 @@ _PAUSED: Final = "paused"
 
 @dataclass
 class Progress:
-    """What the next repeat depends on.
+    """State of a test on which the next repeat depends.
 
     `first_repeat`: Of the recording that is written, `volume`. `announced`: A run of the next repeat that was announced
     before a crash, its end not known. `hold`: A hold that was not decided. `iterating`: One on which iterating again

@@ -59,7 +59,7 @@ class Holds:
 
     @property
     def asked(self) -> str:
-        """Why the test is to wait before the next repeat; empty where it is not."""
+        """Reason to wait before the next repeat; empty if there is none."""
         return self._asked
 
     def wait(self, hold: sequencer_pb2.EnduranceHold, *, stored: bool = False) -> sequencer_pb2.EnduranceDecision:

@@ -33,7 +33,7 @@ _KINDS: Final = {
 
 @dataclass
 class RecordedVolume:
-    """What one recording of an endurance test holds.
+    """Content of one recording of an endurance test.
 
     `steps`: How many were committed. `volume`: Its beginning; None where a crash came before. `repeats`: In order,
     without those of earlier recordings. `changes`: These, decisions and drives in their order. `announced`: A run that

@@ -1,4 +1,4 @@
-"""What an endurance test begins with: nothing, or what its recordings hold."""
+"""Start of an endurance test: new, or from its recordings."""
 
 from __future__ import annotations
 
