@@ -1,4 +1,4 @@
-"""What can go wrong for someone who uses the lab, each said in one sentence.
+"""Errors of the SDK, each with one sentence.
 
 LabError                    whatever goes wrong; the others are kinds of it
 ├── InputError              a value is not allowed, or a name is unknown or taken: correct it and ask again

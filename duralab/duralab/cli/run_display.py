@@ -1,4 +1,4 @@
-"""What a run shows while it works, and what a campaign came to, for a terminal and as JSON."""
+"""Display of a run's progress and of a campaign's result, for a terminal and as JSON."""
 
 from __future__ import annotations
 

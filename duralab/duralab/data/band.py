@@ -9,7 +9,7 @@ from duralab_proto.v1 import iterator_pb2
 
 @dataclass(frozen=True)
 class BandNote:
-    """What signals of a recording are, and whether they are in the control band: targets and responses differ in it.
+    """Description of recorded signals, with whether they are in the control band.
 
     `quantity`: "target", "response" or "error". `in_band`: Whether they are as they are judged: in the control band,
     without their static part, or, where the band begins at 0 Hz, without the rig's static response.
@@ -30,7 +30,7 @@ class BandNote:
 
     @property
     def static_part(self) -> str:
-        """What became of the static part: a control band from 0 Hz counts from the rig's static response."""
+        """Treatment of the static part: a control band from 0 Hz counts from the rig's static response."""
         if not self.in_band:
             return "kept"
         return "removed" if self.lowest_frequency > 0.0 else "relative to the rig's static response"

@@ -1,4 +1,4 @@
-"""What a campaign proposes at a hold point, and what was decided there."""
+"""Proposals and decisions at hold points."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an identification answers besides the model: a plan, how an iteration will converge, levels, differences."""
+"""Answers of an identification besides the model: plan, predicted convergence, levels, differences."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from duralab.display import Axis, Curve, line_chart, text_table
 
 @dataclass(frozen=True)
 class ExperimentPlan:
-    """What an experiment takes and gives; see `duralab.v1.ExperimentPlan`.
+    """Plan of an experiment; see `duralab.v1.ExperimentPlan`.
 
     Parameters
     ----------

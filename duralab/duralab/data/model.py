@@ -27,7 +27,7 @@ _MODEL: Final = ("response", "unit", "lowest coherence", "median coherence", "re
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    """What of a response is nonlinear and what is noise, from an experiment that tells them apart.
+    """Nonlinear distortion and noise of a response, from an experiment that separates them.
 
     `noise_psd`, `distortion_psd`, shape (lines, responses): Density of the noise and of the stochastic nonlinear
     distortion, unit²/Hz; the latter is a difference of two estimates and may lie below 0 where there is none, as may

@@ -1,4 +1,4 @@
-"""What came back from a rig that was played by hand."""
+"""Response of a rig that was played by hand."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from duralab.display import html_table, text_table
 
 @dataclass(frozen=True, eq=False)
 class Played:
-    """What a rig answered to a drive.
+    """Response of a rig to a drive.
 
     Parameters
     ----------

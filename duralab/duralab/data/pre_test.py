@@ -1,4 +1,4 @@
-"""What a pre-test of a rig found, as a table with a verdict."""
+"""Result of a pre-test of a rig, as a table with a verdict."""
 
 from __future__ import annotations
 

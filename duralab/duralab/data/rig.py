@@ -30,7 +30,7 @@ _RIGS: Final = ("rig", "specimen", "engine", "drives", "responses", "sample rate
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """What a rig is and what it can play.
+    """Description of a rig and of what it can play.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a rig does at a moment."""
+"""State of a rig."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from duralab_proto.v1 import rig_pb2
 
 
 class RigMode(StrEnum):
-    """What a rig does."""
+    """Mode of a rig."""
 
     UNKNOWN = "unknown"
     IDLE = "idle"
@@ -37,7 +37,7 @@ _MODES: Final = MappingProxyType(
 
 @dataclass(frozen=True)
 class RigState:
-    """What a rig does now.
+    """Present state of a rig.
 
     Parameters
     ----------

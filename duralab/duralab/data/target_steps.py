@@ -1,4 +1,4 @@
-"""What a step from a source to the target did, in figures, as text, and in the words of the contract."""
+"""Record of a step from a source to the target: figures, text and message."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class SourceRecord:
 
 @dataclass(frozen=True)
 class ChannelRecord:
-    """What a step did to one channel.
+    """Record of one channel in a step.
 
     `channel`: Its name. `energy_removed`: Share of the channel's energy, the time integral of its square with its
     static part, that is gone; negative where some came in. `spikes`: How many were replaced; None where none was looked
@@ -72,7 +72,7 @@ class ChannelRecord:
 
 @dataclass(frozen=True)
 class StepRecord:
-    """What a step did.
+    """Record of a step.
 
     `name`: As the campaign file names it, e.g. "cut". `settings`: All of its settings, defaults too, as YAML on one
     line. `samples_before`, `samples_after`: Of each channel. `sample_rate_before`, `sample_rate_after`: In hertz.
@@ -101,7 +101,7 @@ class StepRecord:
 
     @property
     def finding(self) -> str:
-        """What it did, as text, e.g. "60 s became 12.5 s; energy removed: 1.2 to 8 %"."""
+        """Effect of the step as text, e.g. "60 s became 12.5 s; energy removed: 1.2 to 8 %"."""
         read = [f"{channel.channel}: {channel.source}" for channel in self.channels if channel.source is not None]
         if read:
             return "; ".join(read)

@@ -1,4 +1,4 @@
-"""What would keep a lab from working: Python, packages, disk, locale, loopback, ports, viewer."""
+"""Checks of what a lab needs: Python, packages, disk, locale, loopback, ports, viewer."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from duralab_bus import BusConfig, BusError, open_bus
 
 
 class Severity(StrEnum):
-    """What a finding means for a lab."""
+    """Severity of a finding."""
 
     FINE = "fine"
     WARNING = "warning"
@@ -39,7 +39,7 @@ class Severity(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What was found of one thing (`check`); `remedy` is what to do, empty where nothing is to be done."""
+    """Finding of one check; `remedy` says what to do and is empty if nothing is to be done."""
 
     check: str
     severity: Severity

@@ -34,7 +34,7 @@ class Curve:
 
 @dataclass(frozen=True)
 class Axis:
-    """What an axis tells, and whether it is logarithmic.
+    """Title of an axis, and whether it is logarithmic.
 
     `title`: Quantity and unit. `logarithmic`: Whether the scale is logarithmic.
     """

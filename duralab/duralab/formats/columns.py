@@ -1,4 +1,4 @@
-"""What the formats share: columns of a table, names of channels, sample rates, and the check of what was read."""
+"""Common part of the formats: columns of a table, names of channels, sample rates, and the check of what was read."""
 
 from __future__ import annotations
 

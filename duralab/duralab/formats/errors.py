@@ -1,4 +1,4 @@
-"""What readers and writers say of a file: what is wrong with it and where, or what was written."""
+"""Errors and results of readers and writers of files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a campaign came to."""
+"""Result of a campaign."""
 
 from __future__ import annotations
 

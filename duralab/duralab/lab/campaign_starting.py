@@ -25,7 +25,7 @@ from duralab_proto.v1 import iterator_pb2
 
 @dataclass(frozen=True)
 class StartingLab:
-    """What of a lab it takes to run a campaign: a session, a way to ask for a rig, and where recordings are."""
+    """Parts of a lab that a campaign needs: session, rigs and recordings."""
 
     ask: LabClient
     describe: Callable[[str], Rig]

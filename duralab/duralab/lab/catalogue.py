@@ -199,7 +199,7 @@ def _channel_names(given: object) -> list[str]:
 
 
 class Catalogue:
-    """What the recorder of a lab holds; made by `Lab.catalogue`."""
+    """Recordings of a lab's recorder; made by `Lab.catalogue`."""
 
     def __init__(self, ask: LabClient) -> None:
         self._ask = ask

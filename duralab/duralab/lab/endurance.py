@@ -33,7 +33,7 @@ _PREFIX: Final = "ENDURANCE_PHASE_"
 
 
 class EndurancePhase(StrEnum):
-    """What an endurance test does."""
+    """Phase of an endurance test."""
 
     CHECKING = "checking"
     PLAYING = "playing"
@@ -48,7 +48,7 @@ ENDED: Final = frozenset({EndurancePhase.FINISHED, EndurancePhase.STOPPED, Endur
 
 
 class EnduranceChoice(StrEnum):
-    """What can be decided when an endurance test holds."""
+    """Decisions at a hold of an endurance test."""
 
     CONTINUE = "continue"
     ITERATE_AGAIN = "iterate_again"

@@ -1,4 +1,4 @@
-"""What a campaign starts from, gathered from recordings and files: a model, a first drive, what others learned."""
+"""Start of a campaign, read from recordings and files: a model, a first drive, what others learned."""
 
 from __future__ import annotations
 

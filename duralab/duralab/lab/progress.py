@@ -23,7 +23,7 @@ ENDED: Final = frozenset(
 
 
 class Stage(StrEnum):
-    """What a run works on."""
+    """Stage of a run."""
 
     TARGET = "target"
     CAMPAIGN = "campaign"

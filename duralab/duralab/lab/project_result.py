@@ -1,4 +1,4 @@
-"""What a project came to: one row for each event, and whether all reached their targets."""
+"""Result of a project: one row for each event, and whether all reached their targets."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _COLUMNS = ("event", "rig", "starts from", "playbacks", "first error", "worst er
 
 @dataclass(frozen=True, eq=False)
 class EventResult:
-    """What an event came to.
+    """Result of an event.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ class ProjectResult:
 
     @property
     def sentence(self) -> str:
-        """What it came to, in a sentence."""
+        """Result in one sentence."""
         missed = [event.event.name for event in self.events if not event.reached]
         what = f"{len(self.events) - len(missed)} of {len(self.events)} events reached their targets"
         rest = f"; not {', '.join(missed)}" if missed else ""

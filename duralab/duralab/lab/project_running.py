@@ -35,7 +35,7 @@ OnEvent = Callable[[EventResult], None]
 
 @dataclass(frozen=True)
 class _Run:
-    """What it takes to run the events of a project."""
+    """Parameters of running the events of a project."""
 
     lab: StartingLab
     project: Project

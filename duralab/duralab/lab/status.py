@@ -118,7 +118,7 @@ class CampaignUnderWay:
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """What a recorder holds; `free_bytes` is None where its disk is another machine's.
+    """Content of a recorder; `free_bytes` is None where its disk is another machine's.
 
     `missing_blocks`: Signal blocks that it knows of and does not hold yet; of an ended run, what is lost. `waiting`:
     Why it cannot write now; empty where it can.

@@ -27,7 +27,7 @@ MOST_WAITING: Final = 4096
 
 
 class Watched(StrEnum):
-    """What can be watched."""
+    """Kind of what is watched."""
 
     SIGNALS = "signals"
     RIG_STATES = "rig states"

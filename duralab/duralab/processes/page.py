@@ -62,7 +62,7 @@ class OperatorPage:
 
     @property
     def address(self) -> str:
-        """What to open in a browser."""
+        """Address to open in a browser."""
         return f"http://{_HOST}:{self._port}/"
 
     @property

@@ -38,7 +38,7 @@ _START_SECONDS: Final = 60.0
 
 
 class ServiceProcess(Protocol):
-    """What is asked of the process of a service, as of `subprocess.Popen`."""
+    """Interface of a service's process, a part of that of `subprocess.Popen`."""
 
     @property
     def pid(self) -> int:

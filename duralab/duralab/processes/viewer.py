@@ -84,7 +84,7 @@ class Viewer:
 
     @property
     def page(self) -> str | None:
-        """What to open in a browser; None where it is a window."""
+        """Address to open in a browser; None for a window."""
         if self.native:
             return None
         return f"http://{_HOST}:{self._web_port}/?url={quote(self.address, safe='')}"

@@ -77,7 +77,7 @@ class EnduranceRecording:
 
     @cached_property
     def specification(self) -> sequencer_pb2.EnduranceSpec:
-        """What was asked for."""
+        """Specification of the test."""
         return self._first(sequencer_pb2.EnduranceSpec)
 
     @cached_property

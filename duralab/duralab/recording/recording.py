@@ -144,7 +144,7 @@ class Recording:
 
     @cached_property
     def specification(self) -> iterator_pb2.CampaignSpec:
-        """What was asked for, as it was committed."""
+        """Specification as committed."""
         return self._first(iterator_pb2.CampaignSpec, "campaign")
 
     @cached_property
@@ -160,7 +160,7 @@ class Recording:
 
     @cached_property
     def pre_test(self) -> PreTest | None:
-        """What a pre-test found; None where it is no pre-test's, or that was broken off."""
+        """Result of the pre-test; None if the recording is not of a completed pre-test."""
         message = next(self.messages(iterator_pb2.PreTest), None)
         with input_errors(), within_contract(self.path):
             return PreTest.from_message(message) if message is not None else None
@@ -200,7 +200,7 @@ class Recording:
 
     @cached_property
     def decisions(self) -> tuple[Decided, ...]:
-        """What was decided at the campaign's hold points, in order."""
+        """Decisions at the campaign's hold points, in order."""
         return tuple(Decided.from_message(message) for message in self.decision_messages)
 
     @cached_property
@@ -210,7 +210,7 @@ class Recording:
 
     @cached_property
     def specification_in_use(self) -> iterator_pb2.CampaignSpec:
-        """What was asked for in the end: the specification, with what was changed at hold points."""
+        """Specification with the changes made at hold points."""
         return self._specifications[-1]
 
     @cached_property
@@ -224,7 +224,7 @@ class Recording:
 
     @property
     def proposals(self) -> Iterator[Proposal]:
-        """What was proposed at the campaign's hold points, each with its drive; read one after the other."""
+        """Proposals at the campaign's hold points, each with its drive; read one by one."""
         for message in self.messages(iterator_pb2.Proposal):
             with input_errors(), within_contract(self.path):
                 yield Proposal.from_message(message)

@@ -30,7 +30,7 @@ from duralab_loads import count_load_cycles
 
 @dataclass(frozen=True, eq=False)
 class Overlaid:
-    """What is drawn of one recording.
+    """Curves of one recording.
 
     `name`, `color`: How its curves are called and drawn. `target`: In the control band. `best`: Its best one. `model`:
     None where it holds none. `band`: Lower and upper edge of the control band, in hertz. `block_samples`: Samples in a

@@ -1,4 +1,4 @@
-"""What all figures of the report are drawn with: plain data that plotly.js reads, in colours of the page's theme."""
+"""Drawing of the report's figures: plain data for plotly.js, in the colours of the page's theme."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What was done, as text, and what is needed to do it again: seeds, versions and hashes."""
+"""Provenance of a result: description, seeds, versions and hashes."""
 
 from __future__ import annotations
 

@@ -89,7 +89,7 @@ def _percent(share: float) -> str:
 
 @dataclass(frozen=True)
 class DamageSpentRow:
-    """What a playback, or all of them, put into each channel; numbers as printed."""
+    """Damage of a playback, or of all playbacks, in each channel, formatted."""
 
     title: str
     cells: list[str]
@@ -201,7 +201,7 @@ def playback_rows(table: IterationTable) -> list[PlaybackRow]:
 
 @dataclass(frozen=True)
 class ForecastRow:
-    """What was predicted before a playback, for each channel; numbers as printed.
+    """Prediction before a playback for each channel, formatted.
 
     `cells`: Predicted error with its uncertainty, and what the playback differed by from its prediction.
     """

@@ -1,4 +1,4 @@
-"""What a router refused, and to whom: read from the log of its access control.
+"""Refusals of a router, read from the log of its access control.
 
 Zenoh logs every decision of its access control at level trace and a refused certificate as a warning, with
 `RUST_LOG=warn,zenoh_link_tls::unicast=debug,zenoh::net::routing::interceptor::access_control=trace`. Between the real

@@ -1,4 +1,4 @@
-"""What a worker does for one point: a cell, a campaign in it, its outcome on disk."""
+"""Work for one point: a cell, a campaign in it, its outcome on disk."""
 
 from __future__ import annotations
 

@@ -87,7 +87,7 @@ class Point:
 
     @property
     def cell(self) -> tuple[object, ...]:
-        """What its rig cell holds: points with the same may follow each other in one."""
+        """Key of the rig cell: points with the same key can follow each other in one cell."""
         return (self.rigs, self.specimens)
 
 

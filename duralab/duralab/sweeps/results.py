@@ -148,7 +148,7 @@ _NESTED: Final = ("channels", "watched", "numbers", "errors", "rms_responses", "
 
 @dataclass(frozen=True)
 class SweepResults:
-    """What a sweep came to, with the text of its file.
+    """Results of a sweep, with the text of its file.
 
     `keys`: What differs from point to point, by dotted key. `total`: Points it has; as many rows where all have ended.
     `rows`: A row for each point that has ended: its settings by dotted key, and the fields of its outcome.

@@ -103,7 +103,7 @@ class SpecimenText:
 
     @property
     def content(self) -> tuple[str, str]:
-        """What decides how it answers."""
+        """Content that decides the rig's answers."""
         return self.text, self.bodies_text
 
     def write(self, folder: Path) -> Path:
@@ -140,7 +140,7 @@ class Specimens:
 
     @cached_property
     def _shipped(self) -> dict[str, Any]:
-        """What the simulator ships: where each YAML is, and what it says with what it is a variant of."""
+        """Shipped rigs of the simulator: path and resolved content of each YAML."""
         asked = [sys.executable, "-m", "rig_sim", "--specimens"]
         try:
             answer = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=_SECONDS).stdout

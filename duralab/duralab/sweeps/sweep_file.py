@@ -26,7 +26,7 @@ Settings = dict[str, Setting]
 
 
 class CellKind(StrEnum):
-    """What a task runs its campaign in."""
+    """Kind of cell in which a task runs its campaign."""
 
     PROCESS = "process"
     """The services in the worker's own process, on its own bus: no message leaves it."""
@@ -35,7 +35,7 @@ class CellKind(StrEnum):
 
 
 class Kept(StrEnum):
-    """What is kept of each campaign beside its figures."""
+    """Data kept of each campaign beside its figures."""
 
     RECORDINGS = "recordings"
     FIGURES = "figures"
@@ -116,7 +116,7 @@ Searched = Annotated[
 
 
 class Search(Section):
-    """What is searched for: settings with the smallest error, by a tree-structured Parzen estimator."""
+    """Search for settings with the smallest error, by a tree-structured Parzen estimator."""
 
     settings: dict[str, Searched] = Field(min_length=1, description="Bounds (from, to) or choices, by dotted key.")
     budget: int = Field(ge=1, le=MOST_POINTS, description="Total number of campaigns; each point below costs one.")

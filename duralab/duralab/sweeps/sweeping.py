@@ -244,7 +244,7 @@ class _Book:
 
 @dataclass(frozen=True)
 class SweepForecast:
-    """What a sweep will take, by those of its campaigns that have ended.
+    """Forecast of a sweep from its ended campaigns.
 
     `total`, `ended`, `failed`: Campaigns. `seconds_each`: Of a campaign on a worker, with its share of opening cells.
     `bytes_each`: That a campaign keeps. Both None where none has finished. `seconds_left`, `bytes_left`: Of all that
@@ -266,7 +266,7 @@ class SweepForecast:
 
     @property
     def bytes_left(self) -> float | None:
-        """What the remaining campaigns will keep."""
+        """Number of bytes that the remaining campaigns will keep."""
         return None if self.bytes_each is None else (self.total - self.ended) * self.bytes_each
 
 

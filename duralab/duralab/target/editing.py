@@ -45,7 +45,7 @@ class EditedTarget:
 
 @dataclass(frozen=True, eq=False)
 class _Edited:
-    """What one step made, and what it found; empty where it looks for no such thing."""
+    """Result and findings of one step; findings are empty for a step that searches nothing."""
 
     signals: Signals
     spikes: Mapping[str, int] = field(default_factory=dict)

@@ -32,7 +32,7 @@ _MARK = np.float32(1.2345678e33)
 
 
 class ControllerFault(StrEnum):
-    """What a controller, or the person at it, does wrong."""
+    """Faults of a controller or its operator."""
 
     LOST_LAST_FRAME = "lost last frame"
     SHORT_RECORDING = "recording ended too early"

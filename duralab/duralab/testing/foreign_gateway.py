@@ -63,7 +63,7 @@ def beam(drive: np.ndarray) -> np.ndarray:
 
 
 class RefusedError(Exception):
-    """What is wrong with a request, in a sentence, and the field that it is in."""
+    """Error of a request: one sentence, and the field."""
 
     def __init__(
         self, sentence: str, field: str = "", *, code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT

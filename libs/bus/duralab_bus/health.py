@@ -25,7 +25,7 @@ EXIT_MISCONFIGURED: Final = 2
 
 
 class _Joining(BaseModel):
-    """What of a service's configuration says how to join the bus."""
+    """Bus section of a service's configuration."""
 
     model_config = ConfigDict(frozen=True, extra="ignore")
 

@@ -19,7 +19,7 @@ _NOTHING: Final = nullcontext()
 
 
 class SpanKind(StrEnum):
-    """What the time of a span is spent on."""
+    """Kind of a span."""
 
     PLAYBACK = "playback"
     MATHEMATICS = "mathematics"

@@ -45,7 +45,7 @@ Sign = Annotated[Literal[1, -1], Field(description="1, or -1 where the controlle
 
 
 class _ChannelSection(Section):
-    """What a map says of a drive or a response; limits are in the controller's unit."""
+    """Mapping of a drive or a response; limits are in the controller's unit."""
 
     channel: Descriptor = Field(description="Name of the controller's channel, as in its files.")
     kind: str = Field(description=f"What it is: {', '.join(_KINDS)}.")

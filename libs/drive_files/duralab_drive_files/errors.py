@@ -1,4 +1,4 @@
-"""What is wrong with a drive or response file, its map or its folder."""
+"""Errors of a drive or response file, its map or its folder."""
 
 from __future__ import annotations
 

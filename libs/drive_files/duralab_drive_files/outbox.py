@@ -101,7 +101,7 @@ class Order:
 
     @property
     def ways_out(self) -> str:
-        """What may be done about an order that waits; the end of a sentence."""
+        """Return the remedies for an order that waits, as the end of a sentence."""
         return (
             f"play {self.drive_file} and save {self.response_file} into the inbox, refuse it with "
             f"{self.run}.refuse.txt there, or resume what asked for it."

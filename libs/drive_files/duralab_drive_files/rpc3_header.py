@@ -28,7 +28,7 @@ class DataType(StrEnum):
 
 
 class TimeType(StrEnum):
-    """What a time history is; the old numbers of the description are its positions, from 1."""
+    """Type of a time history; the old numbers in the description are the positions, from 1."""
 
     DRIVE = "DRIVE"
     RESPONSE = "RESPONSE"

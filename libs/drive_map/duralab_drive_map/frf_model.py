@@ -1,4 +1,4 @@
-"""What the drive map needs of a rig's model, however a service holds it."""
+"""Interface of a rig's model for the drive map."""
 
 from __future__ import annotations
 

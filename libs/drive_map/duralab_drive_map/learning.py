@@ -70,7 +70,7 @@ class ChosenTerm:
 
 @dataclass(frozen=True)
 class LearnedDriveMap(Generic[ModelT]):
-    """What a record says of a rig's drives.
+    """Drive map learned from a record.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What makes any rig a rig on the bus: checks, playback, stop and latch, streams. A rig is a class of four methods."""
+"""Gateway of a rig on the bus: checks, playback, stop and latch, streams. A rig is a class of four methods."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING

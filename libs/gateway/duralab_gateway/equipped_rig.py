@@ -29,7 +29,7 @@ class EquippedRig(PlaybackRig):
 
     @property
     def knowing(self) -> object:
-        """What may know its FRF: the rig; with calculated responses, this one that adds theirs."""
+        """Source of the FRF: the rig, or with calculated responses this object, which adds theirs."""
         knowing = self._rig.rig if isinstance(self._rig, StepwiseRig) else self._rig
         return _CalculatedFrf(knowing, self._rows) if self._rows and isinstance(knowing, KnowsItsFrf) else knowing
 

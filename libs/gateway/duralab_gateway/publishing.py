@@ -1,4 +1,4 @@
-"""What a rig publishes while it plays: signal blocks at the pace of the clock, and body poses for a 3-D view."""
+"""Publishing during a playback: signal blocks at the pace of the clock, and body poses for a 3-D view."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a rig is to a gateway: four methods of a real one, or the playbacks of a simulated one."""
+"""Interface of a rig to a gateway: four methods of a real one, or the playbacks of a simulated one."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a measured load has from its amplifier: an offset and a drift."""
+"""Offset and drift of a measured load from its amplifier."""
 
 from __future__ import annotations
 

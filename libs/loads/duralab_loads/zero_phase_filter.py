@@ -19,7 +19,7 @@ _SETTLED = 1e-3
 
 
 class FilterKind(Enum):
-    """What passes."""
+    """Kind of a filter."""
 
     LOW_PASS = "low_pass"
     HIGH_PASS = "high_pass"

@@ -1,4 +1,4 @@
-"""What the monitor says of a repeat: its statistics, and alarms at two levels."""
+"""Verdict of the monitor on a repeat: statistics, and alarms at two levels."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class AlarmLevel(IntEnum):
 
 
 class AlarmKind(StrEnum):
-    """What an alarm is about."""
+    """Kind of an alarm."""
 
     SLOW_DRIFT = "slow_drift"
     """The response moves away from its baseline over many repeats: wear."""
@@ -72,7 +72,7 @@ class Alarm:
 
 @dataclass(frozen=True)
 class RepeatVerdict:
-    """What the monitor says of one repeat.
+    """Verdict of the monitor on one repeat.
 
     Parameters
     ----------

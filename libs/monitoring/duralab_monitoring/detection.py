@@ -56,7 +56,7 @@ def _courses(old: int, learnt: float) -> tuple[NDArray[np.float64], NDArray[np.f
 
 @dataclass(frozen=True)
 class Explanation:
-    """What a change looks like.
+    """Kind of change.
 
     `sudden`: A step rather than a ramp. `age`: Repeats since it began, the last one included. `evidence`: Logarithm of
     the likelihood ratio of the two, 0 or more.

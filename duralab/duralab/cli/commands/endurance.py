@@ -20,7 +20,7 @@ Reason = Annotated[str, typer.Option("--reason", metavar="TEXT", help="Reason; k
 
 
 class Choice(StrEnum):
-    """What can be decided when an endurance test holds."""
+    """Decisions at a hold of an endurance test."""
 
     CONTINUE = "continue"
     ITERATE_AGAIN = "iterate_again"

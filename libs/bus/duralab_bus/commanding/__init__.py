@@ -1,4 +1,4 @@
-"""What a service needs that plays drives on a rig and commits what it did: its steps stored, the rig at rest."""
+"""Commanding of a rig by a service: steps stored, the rig at rest."""
 
 from duralab_bus.commanding.ending import early_end, halt_rig
 from duralab_bus.commanding.recording_log import SAMPLES_LACK, RecordingLog

@@ -22,7 +22,7 @@ GROUP: Final = "duralab.services"
 
 @dataclass(frozen=True)
 class HostedService:
-    """What a service is made of, whether it has its own process or not.
+    """Parts of a service, with or without its own process.
 
     Parameters
     ----------

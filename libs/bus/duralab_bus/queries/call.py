@@ -78,7 +78,7 @@ Handler = Callable[[MessageT, "Call"], Message]
 
 
 class Call:
-    """What a handler is given besides the request; made by the bus for each query."""
+    """Context of a handler beside the request; made by the bus for each query."""
 
     def __init__(self, key: str, *, send: Callable[[query_pb2.Progress], None], cancelled: threading.Event) -> None:
         self.key = key

@@ -31,7 +31,7 @@ MOST_WAITING: Final = 64
 
 
 class Job(Protocol):
-    """What a worker does."""
+    """Job of a worker."""
 
     def run(self) -> None:
         """Do it; raises nothing."""

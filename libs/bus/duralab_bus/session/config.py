@@ -23,7 +23,7 @@ small machine. Zenoh itself stops at 1 GiB."""
 
 
 class BusMode(StrEnum):
-    """What a session is to the others."""
+    """Mode of a session."""
 
     PEER = "peer"
     """Talks to every other peer directly; continues when the one it first connected to ends."""

@@ -43,7 +43,7 @@ ReceivedT = TypeVar("ReceivedT", bound=_Received)
 
 
 class Declaration(Generic[DeclaredT]):
-    """What a session has declared, and after it the session in its place; made by `BusSession.declare`."""
+    """Declaration of a session and of its replacement; made by `BusSession.declare`."""
 
     def __init__(self, owner: BusSession, declare: Callable[[zenoh.Session], DeclaredT]) -> None:
         self._owner = owner

@@ -1,4 +1,4 @@
-"""What publishers keep for replay, in memory or on disk."""
+"""Spools of publishers for replay, in memory or on disk."""
 
 from duralab_bus.spool.folder import SpoolFolder
 from duralab_bus.spool.spool import SPOOL_BYTES, Spool, SpoolFullError, SpoolSpace

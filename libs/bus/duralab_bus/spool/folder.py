@@ -247,7 +247,7 @@ _LOCK: Final = "lock"
 
 
 class LeftSpool(NamedTuple):
-    """What a dead publisher left."""
+    """Spool that a dead publisher left."""
 
     key: str
     epoch: int

@@ -1,4 +1,4 @@
-"""What a publisher keeps of its stream for replay, and how much memory all publishers may take together."""
+"""Spool of a publisher for replay, and the memory limit of all publishers."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ class Extent(NamedTuple):
 
 
 class Spool:
-    """What is kept of one epoch, and how much of that somebody still waits for. Safe for threads.
+    """Spool of one epoch, and the part that is not stored elsewhere yet. Safe for threads.
 
     It is `held` where a receiver stores the stream and says so by marks: then nothing unmarked gives way, and a full
     store refuses. The oldest give way otherwise, beyond `unheld_bytes`. `extent` is what the store holds already.

@@ -1,4 +1,4 @@
-"""What a stream carries: a message with the epoch of its publisher and its sequence number."""
+"""Item of a stream: a message with the epoch of its publisher and its sequence number."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from duralab_settings import Section
 
 
 class ChannelTable(Section):
-    """What a configuration adds to the responses of a rig."""
+    """Additions of a configuration to the responses of a rig."""
 
     sensors: dict[str, SensorSettings] = Field(default_factory=dict, description="Sensor of a response, by its name.")
     calculated: tuple[CalculatedChannel, ...] = Field(

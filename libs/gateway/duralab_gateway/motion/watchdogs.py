@@ -15,7 +15,7 @@ from duralab_gateway.motion.playback import Block
 
 
 class Source(StrEnum):
-    """What a watchdog looks at."""
+    """Signal that a watchdog monitors."""
 
     RESPONSE = "response"
     FOLLOWING_ERROR = "following error"
@@ -23,7 +23,7 @@ class Source(StrEnum):
 
 
 class Level(StrEnum):
-    """What a limit is, and so what happens when it is crossed: a warning is reported, the others end the run."""
+    """Kind of a limit: a warning is reported, the others end the run."""
 
     WATCHDOG = "watchdog"
     ABORT = "abort level"
@@ -45,7 +45,7 @@ class Watchdog:
 
 @dataclass(frozen=True)
 class Trip:
-    """What made a watchdog trip: the first value that was outside, the limit it passed, and when, in s of the run."""
+    """Cause of a trip: the first value that was outside, the limit it passed, and when, in s of the run."""
 
     watchdog: Watchdog
     value: float
