@@ -30,7 +30,7 @@ _RIGS: Final = ("rig", "specimen", "engine", "drives", "responses", "sample rate
 
 @dataclass(frozen=True, eq=False)
 class Rig:
-    """Description of a rig and of what it can play.
+    """Description of a rig and its limits.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class Sensor:
         return array_pb2.Sensor(**{**vars(self), "polarity": polarity[self.polarity]})
 
     def scaled(self, factor: float, offset: float) -> Sensor:
-        """Return it with range and levels in another unit of its channel."""
+        """Return the sensor with range and levels in another unit of its channel."""
         ranged = self.minimum or self.maximum
         return replace(
             self,

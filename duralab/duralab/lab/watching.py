@@ -27,7 +27,7 @@ MOST_WAITING: Final = 4096
 
 
 class Watched(StrEnum):
-    """Kind of what is watched."""
+    """Kind of a watched source."""
 
     SIGNALS = "signals"
     RIG_STATES = "rig states"
@@ -61,7 +61,7 @@ class SignalsEvent:
 
 @dataclass(frozen=True)
 class RigEvent:
-    """A rig changed its state, or says how far it is.
+    """Change of a rig's state, or its progress.
 
     Parameters
     ----------

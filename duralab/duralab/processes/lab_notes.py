@@ -1,4 +1,4 @@
-"""The labs that `duralab up` keeps running for this user on this machine: noted in a file each, and found again.
+"""Notes of the labs that `duralab up` runs for this user on this machine, one file each.
 
 A note is believed only while the process that wrote it runs: its id and the moment it began must both fit, so that no
 other process that got the same id later is taken for a lab.

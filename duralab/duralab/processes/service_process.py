@@ -1,4 +1,4 @@
-"""A service as a process of this machine: started by a fork of a process that has imported already, where there is one.
+"""Process of a service on this machine, forked from a process with all imports where one exists.
 
 On Linux a separate process imports once what the services share and starts each of them by a fork, see `fork_server`.
 Other systems start a new Python for each service.

@@ -30,7 +30,7 @@ def rising_fade(samples: int) -> NDArray[np.float64]:
 
 
 def taper_ends(samples: ArrayLike, *, fade_samples: int, levels: ArrayLike = 0.0) -> NDArray[np.float64]:
-    """Let every channel rise from its level and fall back to it.
+    """Taper the ends of every channel to its level.
 
     Parameters
     ----------

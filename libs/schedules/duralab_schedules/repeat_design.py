@@ -17,7 +17,7 @@ _LEAST_GAIN: Final = 1e-12
 
 @dataclass(frozen=True)
 class Design:
-    """Repeats that were designed, and how near their damage comes to the plan.
+    """Designed repeats, and the difference of their damage from the plan.
 
     Parameters
     ----------

@@ -132,7 +132,7 @@ class StreamProof:
 
 
 class StreamOrder(Generic[T]):
-    """Puts the messages of one epoch in order. Not safe for threads."""
+    """Order of the messages of one epoch. Not safe for threads."""
 
     def __init__(self) -> None:
         self._next = 0

@@ -26,7 +26,7 @@ _PLAYING: Final = "playing"
 
 
 def words_of(progress: query_pb2.Progress, *, run: str) -> str:
-    """Return what a rig or the identifier says that it does now, on one line."""
+    """Return the present activity of a rig or the identifier in one line."""
     said = [text for text in (progress.phase, progress.detail) if text not in ("", _PLAYING, run)]
     # Foreign text goes to terminals, tables and logs: no line breaks, no control characters.
     printable = "".join(letter if letter.isprintable() else " " for letter in ", ".join(said))
@@ -69,7 +69,7 @@ class RigPlayback:
         return self._played
 
     def announce(self, stem: str, *, purpose: str) -> str:
-        """Store that a motion is about to be asked for."""
+        """Store the announcement of a motion before it is requested."""
         run = run_name(stem, self._planned)
         if run != stem:
             structlog.get_logger("iterator").warning(

@@ -202,7 +202,7 @@ def drive_slew(values: NDArray[np.float64], sample_rate: float) -> NDArray[np.fl
 
 
 def _worst(values: NDArray[np.float64], *, lowest: float, highest: float) -> tuple[float, float] | None:
-    """Value furthest outside and the limit it passes, or None."""
+    """Return the value furthest outside and the limit it passes, or None."""
     if values.size == 0:
         return None
     above, below = float(values.max()), float(values.min())

@@ -1,4 +1,4 @@
-"""The figures of the iterations in the live view: bars per channel and iteration, and a timeline of their own."""
+"""Figures of the iterations in the live view: bars per channel and iteration, on a separate timeline."""
 
 from __future__ import annotations
 

@@ -52,7 +52,7 @@ class NoEquilibriumError(ValueError):
 def find_equilibrium(
     model: RigModel, derivative: Derivative, inputs: np.ndarray, *, start: np.ndarray | None = None
 ) -> np.ndarray:
-    """Return the state in which nothing moves under constant inputs, in each channel's unit; sought from the design.
+    """Return the equilibrium under constant inputs, in each channel's unit; the search starts from the design state.
 
     Velocities are zero, and so is the hysteretic friction: it has no unique value at rest. Raises `NoEquilibriumError`
     where Newton's method from the design position, or `start`, ends with something still moving; names the state.

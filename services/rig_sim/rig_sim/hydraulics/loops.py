@@ -128,7 +128,7 @@ class ForceLoop(_Controller):
 
     @property
     def compensates_motion(self) -> bool:
-        """Whether the specimen's motion is compensated, which costs a state."""
+        """Whether the specimen's motion is compensated; this adds a state."""
         return self.velocity_compensation > 0.0 or self.acceleration_compensation > 0.0
 
     def feed(self, command: Command, piston: Piston) -> Any:

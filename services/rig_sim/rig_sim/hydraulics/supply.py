@@ -75,7 +75,7 @@ class Supply:
 
 
 def oil_capacity(unit: PowerUnit, pressure: Any, gas_volume: Any) -> Any:
-    """Return by how much more oil the supply holds per pascal, in m^3/Pa."""
+    """Return the capacity of the supply: additional oil per pressure, in m^3/Pa."""
     gas = unit.accumulator
     line = unit.line_volume / unit.bulk_modulus
     return select_positive(pressure - gas.precharge, gas_volume / (gas.polytropic_exponent * pressure), 0.0) + line

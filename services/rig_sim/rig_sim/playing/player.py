@@ -172,7 +172,7 @@ class Rig:
 
     @property
     def wears(self) -> bool:
-        """Whether anything of it wears."""
+        """Whether the specimen wears."""
         return bool(self.specimen.wear)
 
     def playback(
