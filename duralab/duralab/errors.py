@@ -68,7 +68,7 @@ class LabTimeoutError(LabError, TimeoutError):
 
 
 class UnavailableError(LabError):
-    """Who was asked is not on the bus, or left it before the answer."""
+    """The service is not on the bus, or left it before its answer."""
 
 
 class ServiceEndedError(LabError):

@@ -1,4 +1,4 @@
-"""Which Python runs this: said before anything is imported that another one could not read."""
+"""Check of the Python version, before anything is imported that another one could not read."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which settings, of all that made recorded campaigns what they are, are not the same in each."""
+"""Settings in which recorded campaigns differ."""
 
 from __future__ import annotations
 

@@ -107,7 +107,7 @@ class Target(Section):
 
 
 class Sections(Section):
-    """What a campaign is for, and its sections."""
+    """Purpose of a campaign, and its sections."""
 
     name: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,59}$",
@@ -196,7 +196,7 @@ class Campaign(PlaybackSettings, Sections):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What to change in the file, one sentence each: keys that have another name now."""
+        """Remarks on the file, one sentence each: keys that were renamed."""
         return self._remarks
 
     def read_from(self, *, folder: Path, text: str, remarks: tuple[str, ...] = ()) -> Self:

@@ -1,4 +1,4 @@
-"""What a campaign file says of a measured target: which of the file's channels are which, and how it is edited."""
+"""Measured target of a campaign file: its channels and its edits."""
 
 from __future__ import annotations
 
@@ -105,7 +105,7 @@ class Filter(Section):
 
     @property
     def kind(self) -> tuple[str, tuple[float, ...]]:
-        """What passes, and the corners in hertz."""
+        """Kind of the filter, and its corners in hertz."""
         if self.low_pass is not None:
             return "low_pass", (self.low_pass,)
         if self.high_pass is not None:
@@ -130,7 +130,7 @@ class Despike(Section):
 
 
 class TaperLevel(StrEnum):
-    """What a target rises from and falls back to."""
+    """Level from which a target rises and to which it falls back."""
 
     MEAN = "mean"
     ZERO = "zero"
@@ -214,5 +214,5 @@ class EditStep(Section):
 
     @property
     def settings(self) -> EditSettings:
-        """What was set of the step."""
+        """Settings of the step."""
         return getattr(self, self.name)

@@ -36,7 +36,7 @@ class Format(StrEnum):
 
 @dataclass(frozen=True)
 class _Codec:
-    """Where the reader and the writer of a format are ("module:function"); imported when they are used."""
+    """Reader and writer of a format ("module:function"); imported when they are used."""
 
     reader: str
     writer: str

@@ -40,7 +40,7 @@ def fill_known(
     place: RecordingsPlace,
     folder: Path,
 ) -> None:
-    """Put what a campaign starts from into its specification; raises InputError for what is not there or does not fit.
+    """Add the start of a campaign to its specification; raises InputError if it is missing or does not fit.
 
     `rig`: The rig of the campaign. `place`: Of the lab's recordings. `folder`: Where relative paths start.
     """

@@ -1,4 +1,4 @@
-"""Where a lab keeps its recordings: those of a lab of one's own are deleted only when each was brought to its user."""
+"""Recordings folder of a lab: that of a private lab is deleted only when each recording was fetched."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ RECORDINGS: Final = "recordings"
 
 @dataclass(eq=False)
 class RecordingsPlace:
-    """Where the recorder of a lab writes, as far as this process knows, and what became of it.
+    """Folder in which the recorder of a lab writes, as far as this process knows.
 
     `folder`: The recorder's; None where it is not known, or deleted at the end whatever is in it. `passing`: A folder
     that is deleted at the end of the lab: nothing in it is safe. `goes_on`: Whether the recorder outlives this session.

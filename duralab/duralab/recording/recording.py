@@ -86,7 +86,7 @@ class Recording:
 
     @property
     def begun(self) -> int:
-        """When its first step was stored, in nanoseconds since 1970 UTC; 0 where it has no index that reports it."""
+        """Time of the first stored step, in nanoseconds since 1970 UTC; 0 if it has no index that reports it."""
         statistics = index_of(self.path).statistics if self.whole else None
         return 0 if statistics is None else statistics.message_start_time
 
@@ -101,7 +101,7 @@ class Recording:
 
     @cached_property
     def open_end(self) -> str:
-        """Why it may continue in a missing file, as text; empty where it was closed, or a file not finished."""
+        """Reason why it may continue in a missing file, as text; empty if it was closed or a file is not finished."""
         if self.closed is not None or not self.whole:
             return ""
         return self._file.open_end()
@@ -317,7 +317,7 @@ class Recording:
             return drive, Signals.from_message(step.response, field="response")
 
     def signal(self, run: str) -> tuple[Signals, Signals]:
-        """Put the blocks of one run on the rig together again, e.g. of the identification.
+        """Join the blocks of one run on the rig, e.g. of the identification.
 
         Of a run that was repeated after a fault, what was played to its end counts, as for `responses`; where nothing
         was, what was written last.

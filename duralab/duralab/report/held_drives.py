@@ -1,4 +1,4 @@
-"""Where a drive is held at a limit of its actuator: what the target asks there, the rig cannot do."""
+"""Segments in which a drive is held at a limit of its actuator, so that the target is out of reach."""
 
 from __future__ import annotations
 

@@ -169,7 +169,7 @@ class Sweep(Section):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What to change in the file, one sentence: dotted keys that have another name now."""
+        """Remark on the file, one sentence: dotted keys that were renamed."""
         searched = self.search.settings if self.search else {}
         points = (key for point in self.points for key in point)
         return remarks_on(dict.fromkeys([*self.settings, *points, *self.axes, *searched]))

@@ -73,7 +73,7 @@ def search(sweep: Sweep, maker: PointMaker, runner: PointRunner, *, folder: Path
 
 
 def _record_values(study: Study, trials: Sequence[FrozenTrial], figures: Mapping[int, Sequence[float | None]]) -> None:
-    """Tell the study what trials came to, in their order, so that it is the same whichever ended first."""
+    """Report the values of trials to the study in their order, regardless of which ended first."""
     from optuna.trial import TrialState
 
     for trial in trials:

@@ -45,11 +45,11 @@ class EquippedRig(PlaybackRig):
         return playback
 
     def stop(self, reason: str) -> None:
-        """Tell the rig."""
+        """Forward to the rig."""
         self._rig.stop(reason)
 
     def reset(self) -> None:
-        """Tell the rig."""
+        """Forward to the rig."""
         self._rig.reset()
 
     def _calculated(self, response: np.ndarray) -> np.ndarray:

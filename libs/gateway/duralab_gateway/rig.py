@@ -252,11 +252,11 @@ class StepwiseRig:
         )
 
     def stop(self, reason: str) -> None:
-        """Tell the rig."""
+        """Forward to the rig."""
         self.rig.stop(reason)
 
     def reset(self) -> None:
-        """Tell the rig."""
+        """Forward to the rig."""
         self.rig.reset()
 
 

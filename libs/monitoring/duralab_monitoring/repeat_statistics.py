@@ -15,7 +15,7 @@ COLUMNS = tuple(Statistic)
 
 @dataclass(frozen=True)
 class RepeatStatistics:
-    """What is kept of every repeat.
+    """Statistics of every repeat.
 
     Parameters
     ----------

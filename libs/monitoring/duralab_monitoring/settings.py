@@ -1,4 +1,4 @@
-"""What is learnt of an event, how many false alarms are allowed, and the limits of each statistic."""
+"""Settings of monitoring: baseline of an event, allowed rate of false alarms, limits of each statistic."""
 
 from __future__ import annotations
 

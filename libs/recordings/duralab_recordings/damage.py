@@ -1,4 +1,4 @@
-"""What reading a damaged or missing MCAP file raises, and the sentence that it becomes."""
+"""Errors of reading a damaged or missing MCAP file, and their sentence."""
 
 from __future__ import annotations
 

@@ -57,7 +57,7 @@ Take = Callable[[McapRecord], None]
 
 @dataclass
 class Unfinished:
-    """What is whole in a file without an end.
+    """Intact part of a file without an end.
 
     Parameters
     ----------

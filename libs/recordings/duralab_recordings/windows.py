@@ -93,7 +93,7 @@ class Window:
 
     @property
     def bytes(self) -> int:
-        """What it takes in memory, where its arrays are no views of larger ones."""
+        """Memory in bytes if its arrays are no views of larger ones."""
         return self.drive.nbytes + self.response.nbytes + WINDOW_BYTES
 
 
@@ -162,7 +162,7 @@ class RunSignals:
 
     @cached_property
     def _places(self) -> dict[str, list[BlockPlace]]:
-        """Where the blocks of each run are, in the order they were written: those of the epoch that counts."""
+        """Places of the blocks of each run in the order of writing, for the epoch that counts."""
         found: dict[str, list[tuple[int, BlockPlace]]] = {}
         for path in self._files:
             for topic, epoch, place in block_places(path, run=self._run):

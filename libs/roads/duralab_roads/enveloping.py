@@ -1,4 +1,4 @@
-"""What a rolling tyre passes on: effective height, slope and camber of the road under each wheel.
+"""Road as a rolling tyre follows it: effective height, slope and camber of the road under each wheel.
 
 The tyre bridges what is shorter than itself. First each of five parallel disks rolls over its line of the road
 (Zegelaar's basic curve: the upper envelope of a circle, which enters a hole gently and rounds a step). The mean over

@@ -55,7 +55,7 @@ class CrgFormat(Enum):
 
 @dataclass(frozen=True)
 class CrgHeader:
-    """What the header says: the $ROAD_CRG block and the data channels, named in lower case, values in SI units."""
+    """Header of a file: the $ROAD_CRG block and the data channels, named in lower case, values in SI units."""
 
     path: Path
     parameters: dict[str, float]

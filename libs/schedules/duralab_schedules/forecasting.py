@@ -1,4 +1,4 @@
-"""What a schedule comes to before anything moves: duration, damage, repeats that are kept, bytes on disk."""
+"""Forecast of a schedule: duration, damage, repeats that are kept, bytes on disk."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class EventLoad:
 
 @dataclass(frozen=True)
 class Forecast:
-    """What a schedule comes to.
+    """Forecast of a schedule.
 
     Parameters
     ----------

@@ -135,7 +135,7 @@ class KeepRule(Section):
 
 
 class AlarmAction(StrEnum):
-    """What the sequencer does after an alarm."""
+    """Action of the sequencer after an alarm."""
 
     LOG = "log"
     """The alarm is recorded, and the test continues."""
@@ -148,7 +148,7 @@ class AlarmAction(StrEnum):
 
 
 class Actions(Section):
-    """What the sequencer does after an alarm of each level."""
+    """Actions of the sequencer after an alarm of each level."""
 
     warning: AlarmAction = Field(
         default=AlarmAction.LOG, strict=False, description="After a warning: log, hold, stop or iterate_again."

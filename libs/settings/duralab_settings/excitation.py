@@ -63,7 +63,7 @@ _MULTISINES = frozenset(
 
 
 class LevelKind(Enum):
-    """What the levels of the drives are."""
+    """Kind of the drives' levels."""
 
     RMS = "rms"
     """RMS over the samples that the estimator uses."""
@@ -165,7 +165,7 @@ class Spectrum(Section):
 
 
 class ExcitationMethod(Section):
-    """What an excitation is, regardless of the rig."""
+    """Excitation, independent of the rig."""
 
     kind: ExcitationKind = Field(
         default=ExcitationKind.RANDOM_ORTHOGONAL,
@@ -278,7 +278,7 @@ class ResolvedExcitation(ExcitationMethod):
 
     @property
     def level_kind(self) -> LevelKind:
-        """What the levels are."""
+        """Kind of the levels."""
         return LevelKind.RMS if self.peak is None else LevelKind.PEAK
 
     @property
@@ -343,7 +343,7 @@ class ExcitationSettings(ExcitationMethod):
 
     @property
     def levels(self) -> tuple[str, float | dict[str, float]]:
-        """How the levels are given ("rms" or "peak"), and what they are."""
+        """Kind of the levels ("rms" or "peak"), and their values."""
         if self.rms is not None:
             return "rms", self.rms
         if self.peak is not None:

@@ -69,7 +69,7 @@ class HoldSettings(Section):
 
 
 class DecisionKind(StrEnum):
-    """What a person decides at a hold point."""
+    """Kind of a decision at a hold point."""
 
     PLAY = "play"
     """The drive of the proposal is played."""

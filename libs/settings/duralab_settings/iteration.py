@@ -42,7 +42,7 @@ class UpdateKind(StrEnum):
 
 
 class CorrectionPrediction(StrEnum):
-    """What Adaptive Modelling compares."""
+    """Prediction with which Adaptive Modelling compares a response."""
 
     FORWARD = "forward"
     """Compare the response that the model predicts from the drive with the measured response."""
@@ -60,7 +60,7 @@ class CorrectionShape(StrEnum):
 
 
 class LimitPolicy(StrEnum):
-    """What is done with a next drive that would pass a limit of the rig."""
+    """Treatment of a next drive that would pass a limit of the rig."""
 
     REFUSE = "refuse"
     """The campaign ends with a fault that states the gain that would fit."""
@@ -137,7 +137,7 @@ class UpdatePlugin(Section):
 
 
 class UpdateMethod(Section):
-    """What an update is, regardless of the rig."""
+    """Update, independent of the rig."""
 
     kind: UpdateKind = Field(default=UpdateKind.SECANT, strict=False, description="Kind of update.")
     gain_schedule: Gains = Field(
@@ -525,7 +525,7 @@ class ControlBandSettings(Section):
 
 
 class Acceptance(Section):
-    """What report, exit code, comparison and sweep judge the best playback by; a limit that is null is not judged.
+    """Limits by which report, exit code, comparison and sweep judge the best playback; one that is null is not judged.
 
     The message `duralab.v1.Acceptance`.
     """

@@ -1,4 +1,4 @@
-"""What every group of settings has in common."""
+"""Common part of all groups of settings."""
 
 from __future__ import annotations
 

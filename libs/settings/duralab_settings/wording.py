@@ -1,4 +1,4 @@
-"""What is wrong with settings, in one sentence: the key, the value, what is allowed."""
+"""Errors of settings, in one sentence: the key, the value, what is allowed."""
 
 from __future__ import annotations
 

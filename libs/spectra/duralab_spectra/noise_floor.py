@@ -1,4 +1,4 @@
-"""What repeats of one playback do not have in common."""
+"""Noise floor: the differences of repeats of one playback."""
 
 from collections.abc import Sequence
 

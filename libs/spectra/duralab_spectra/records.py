@@ -1,4 +1,4 @@
-"""What a record is: channels first, time along the last axis, float64, finite."""
+"""Layout of a record: channels first, time along the last axis, float64, finite."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray

@@ -1,4 +1,4 @@
-"""Where in a drive's record the samples lie that identify a rig, and which lines they excite."""
+"""Samples of a drive's record that identify a rig, and the lines that they excite."""
 
 from dataclasses import dataclass
 from enum import Enum

@@ -1,4 +1,4 @@
-"""What takes long, or reads what a stranger sent, in a separate process: `python -m operator_page.child`.
+"""Long work, and the reading of uploaded files, in a separate process: `python -m operator_page.child`.
 
 It reads one job, a pickle of this service's own making, from standard input, and writes a JSON document to standard
 output, or a sentence to standard error. It may take a bounded time and memory, and takes nothing with it when it dies.

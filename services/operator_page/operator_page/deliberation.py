@@ -1,4 +1,4 @@
-"""What a motion needs beside a right: a second deliberate act, data that are not old, and the rig in one's hand."""
+"""Conditions of a motion besides the role: a second deliberate act, recent data, and holding the rig."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _key(action: str, values: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Holder:
-    """Who holds a rig, since when (seconds since 1970 UTC)."""
+    """Holder of a rig, since when (seconds since 1970 UTC)."""
 
     name: str
     since: float

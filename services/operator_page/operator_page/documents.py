@@ -1,4 +1,4 @@
-"""What the lab says as documents that a browser reads: no infinity, no array, no object."""
+"""Documents of the lab for a browser: without infinities, arrays and objects."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from duralab.errors import InputError
 
 
 class Choice(StrEnum):
-    """What can be decided."""
+    """Kind of decision."""
 
     PLAY = "play"
     CHANGE = "change"

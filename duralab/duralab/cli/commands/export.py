@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 class Exported(StrEnum):
-    """What a recording can give."""
+    """Data that a recording can export."""
 
     TARGET = "target"
     DRIVE = "drive"

@@ -1,4 +1,4 @@
-"""Who is on the bus: the liveliness tokens of the lab, with short flaps left out."""
+"""Members on the bus: the liveliness tokens of the lab, without short interruptions."""
 
 from __future__ import annotations
 

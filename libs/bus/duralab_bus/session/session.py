@@ -302,7 +302,7 @@ def _host_and_port(endpoint: str) -> tuple[str, int]:
 
 
 def _with_port(endpoint: str) -> str:
-    """Put a free port in the place of port 0: Zenoh does not tell which one it took."""
+    """Replace port 0 by a free port: Zenoh does not report which port it took."""
     host, port = _host_and_port(endpoint)
     if port != 0:
         return endpoint

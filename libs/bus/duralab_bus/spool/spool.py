@@ -27,14 +27,14 @@ class Spooled(NamedTuple):
 
 
 class Store(ABC):
-    """Where the messages of one epoch are kept, in memory or on disk. Used under its spool's lock."""
+    """Store of the messages of one epoch, in memory or on disk. Used under its spool's lock."""
 
     def __init__(self, space: SpoolSpace) -> None:
         self._space = space
 
     @property
     def shortage(self) -> str:
-        """Why nothing more should be put in but what must be; empty while there is room."""
+        """Reason to put in only what is necessary; empty while there is room."""
         return self._space.shortage
 
     @property

@@ -209,7 +209,7 @@ class ReplayServer:
 
     @property
     def unstored(self) -> int:
-        """How many messages somebody is waited for to store."""
+        """Number of messages that a store has not acknowledged."""
         with self._lock:
             extents = [offer.spool.extent for offer in self._offers if offer.spool.held]
         return sum(extent.next - extent.marked for extent in extents)

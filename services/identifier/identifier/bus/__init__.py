@@ -1,4 +1,4 @@
-"""What the service exchanges on the bus: requests as settings, a rig's playback, and answers of models to queries."""
+"""Messages of the service on the bus: requests as settings, a rig's playback, and answers of models to queries."""
 
 from identifier.bus.level_queries import level_series
 from identifier.bus.model_queries import advise, converge, difference, drive_room, predict

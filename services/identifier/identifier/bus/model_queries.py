@@ -1,4 +1,4 @@
-"""What can be asked of a model: prediction, convergence, levels, the difference to another one."""
+"""Queries about a model: prediction, convergence, levels, the difference to another one."""
 
 from typing import Final
 

@@ -1,4 +1,4 @@
-"""What every estimator answers: an FRF matrix, and what tells how far to trust it."""
+"""Result of every estimator: an FRF matrix and its uncertainty."""
 
 from dataclasses import dataclass, field
 from enum import Enum
@@ -10,7 +10,7 @@ from duralab_settings import EstimatorKind
 
 
 class WarningCode(Enum):
-    """What is suspicious about a record or an estimate, but does not forbid it."""
+    """Code of a warning about a record or an estimate."""
 
     CLIPPED = "clipped"
     """A channel stays at its largest or smallest value."""
@@ -121,7 +121,7 @@ class FrfEstimate:
 
     @property
     def unexplained_psd(self) -> NDArray[np.float64]:
-        """What no linear combination of the drives explains of each response, shape (lines, responses).
+        """Residual spectrum of each response, not explained by the drives, shape (lines, responses).
 
         Without the bias of the fit, by which it may pass `response_psd` by chance; 0 where no degree of freedom is
         left. Of H1 it is `residual_psd`; that of H2 and Hv holds what these estimators add, too.

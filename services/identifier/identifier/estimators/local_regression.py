@@ -83,7 +83,7 @@ class LocalSums:
 
     @property
     def equations_to_come(self) -> int:
-        """What `equations` will be after the whole record."""
+        """Number of `equations` after the whole record."""
         total = 0
         for capture in self._layout.captures:
             length = self._segments.length_of(capture)

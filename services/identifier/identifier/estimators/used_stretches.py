@@ -1,4 +1,4 @@
-"""Which samples of a record that arrives in pieces belong to which capture."""
+"""Assignment of the samples of a record that arrives in pieces to captures."""
 
 from collections.abc import Iterator
 

@@ -9,7 +9,7 @@ from identifier.excitation.settings import ExperimentSettings
 
 @dataclass(frozen=True)
 class ExperimentPlan:
-    """What an experiment takes and gives.
+    """Plan of an experiment.
 
     Parameters
     ----------

@@ -6,7 +6,7 @@ import numpy as np
 
 
 class Purpose(IntEnum):
-    """What a stream is for: the first number of its key.
+    """Purpose of a random stream: the first number of its key.
 
     Pure random, which draws nothing else, has the drive's number in its place.
     """

@@ -1,4 +1,4 @@
-"""What an identification is asked for: how to excite the rig, and how to estimate from its response."""
+"""Settings of an identification: excitation and estimator."""
 
 from dataclasses import dataclass
 

@@ -21,7 +21,7 @@ _CONSISTENT_SHARE: Final = 0.2
 
 @dataclass(frozen=True)
 class StaticGain:
-    """What the holds say of a rig.
+    """Static gain of a rig, measured by the holds.
 
     `gain`, shape (responses, drives): Change of the response at rest over that of the drive, response unit per drive
     unit. `unsettled`, shape (responses): Change during the used half of the holds over the response's largest step, 0

@@ -12,7 +12,7 @@ from identifier.uncertainty import ValidBand, row_covariance
 
 @dataclass(frozen=True)
 class FilledLines:
-    """What an estimate says at every line of its band. All but `interpolated` are 0 outside it.
+    """Estimate at every line of its band. All but `interpolated` are 0 outside it.
 
     `frf`: Complex, shape (lines, responses, drives). `coherence`: Shape (lines, responses). `condition_number`: Shape
     (lines). `residual_psd`: Shape (lines, responses). `row_covariance`: Complex, shape (lines, drives, drives), see the

@@ -16,7 +16,7 @@ DRAWS = 100
 
 @dataclass(frozen=True)
 class Convergence:
-    """What becomes of the error in one iteration, at each line.
+    """Convergence of the error in one iteration, at each line.
 
     `frequency`: Shape (lines), in hertz. `spectral_radius`: Shape (lines): of ``I - H Hm^+ Q``, ``Hm`` the model, for
     the likeliest rig; it converges if and only if this is below 1. `spectral_radius_95`: Shape (lines): what 95 % of

@@ -14,7 +14,7 @@ GOOD_MISS = 0.1
 
 @dataclass(frozen=True)
 class LevelCheck:
-    """What a model misses of a further record of its own level.
+    """Error of a model for a further record of its own level.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What a model expects of a drive, and how sure it is."""
+"""Prediction of a model for a drive, with uncertainty."""
 
 from dataclasses import dataclass
 

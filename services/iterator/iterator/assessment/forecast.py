@@ -1,4 +1,4 @@
-"""What a playback is predicted to give before it is made, and how far that was missed."""
+"""Forecast of a playback, and its error after the playback."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from iterator.assessment.metrics import IterationMetrics
 
 
 class BoundedQuantity(enum.Enum):
-    """What of a playback is bounded; the value is the name of its bound in settings and messages."""
+    """Bounded quantity of a playback; the value is the name of its bound in settings and messages."""
 
     ERROR = "error_bound"
     PEAK = "peak_bound"

@@ -1,4 +1,4 @@
-"""What a target holds outside the control band: it is neither reproduced nor judged, and so it is said."""
+"""Content of a target outside the control band, which is reported because it is neither reproduced nor judged."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What must hold before a campaign begins: a free id, the services it needs, a rig that can play now."""
+"""Conditions for the start of a campaign: a free id, the services it needs, a rig that can play now."""
 
 from __future__ import annotations
 

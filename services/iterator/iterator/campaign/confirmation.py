@@ -29,7 +29,7 @@ from iterator.playbacks import Iteration
 
 @dataclass(frozen=True)
 class ConfirmationReport:
-    """What is known after one of the playbacks that confirm the result.
+    """Report after one of the playbacks that confirm the result.
 
     `repeatability`: Of all so far; None where there was no further one. `metrics`: Figures of the last one, as a
     message; None where there was no further one. `remarks`: Why not, one sentence.

@@ -1,4 +1,4 @@
-"""What a campaign asks of the identifier: the same request to check the experiment and to run it."""
+"""Request of a campaign to the identifier: the same to check the experiment and to run it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is known of a rig before a campaign: checked against that rig, and read back from the recorder."""
+"""Knowledge of a rig before a campaign: checked against that rig, and read back from the recorder."""
 
 from __future__ import annotations
 

@@ -36,7 +36,7 @@ _KINDS: Final = {
 
 @dataclass
 class RecordedCampaign:
-    """What a recording holds, in the order of a campaign.
+    """Content of a recording, in the order of a campaign.
 
     `spec`: What was asked for. `steps`: How many were committed; the number of the next one. `last`: The step committed
     last, as it was committed. `iterations`, `confirmations`: The playbacks, with their samples. `targets`: Targets in

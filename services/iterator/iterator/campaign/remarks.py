@@ -1,4 +1,4 @@
-"""What a person should know of a playback, in sentences."""
+"""Remarks on a playback, in sentences."""
 
 from __future__ import annotations
 

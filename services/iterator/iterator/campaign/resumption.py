@@ -1,4 +1,4 @@
-"""What a campaign continues from: its own recording after a crash, or that of its parent with other settings."""
+"""Start of a continued campaign: its own recording after a crash, or that of its parent with other settings."""
 
 from __future__ import annotations
 

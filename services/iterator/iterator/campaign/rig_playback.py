@@ -65,7 +65,7 @@ class RigPlayback:
 
     @property
     def played(self) -> rig_pb2.PlayResult:
-        """What the rig answered last."""
+        """Last response of the rig."""
         return self._played
 
     def announce(self, stem: str, *, purpose: str) -> str:

@@ -1,4 +1,4 @@
-"""What drives are made and judged by: that of the campaign until a decision at a hold point changes it."""
+"""Basis of updates and judgements: that of the campaign until a decision at a hold point changes it."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ _MOST_HELD: Final = 0.002
 
 @dataclass(frozen=True)
 class Revision:
-    """What a decision changes before a drive is made again.
+    """Changes of a decision before a drive is made again.
 
     `basis`: What drives are made and judged by from now on; None as before. `from_iteration`: Playback that the next
     drive is made from; 0 for the last one.

@@ -15,7 +15,7 @@ _HELD_WITHIN: Final = 0.01
 
 
 class LimitQuantity(enum.Enum):
-    """What of a drive is limited."""
+    """Limited quantity of a drive."""
 
     PEAK = "peak"
     SLEW = "slew"
@@ -23,7 +23,7 @@ class LimitQuantity(enum.Enum):
 
 @dataclass(frozen=True)
 class DriveLimits:
-    """What each drive channel of a rig allows.
+    """Limits of each drive channel of a rig.
 
     Parameters
     ----------

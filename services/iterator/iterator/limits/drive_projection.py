@@ -144,7 +144,7 @@ def project_drive(drive: NDArray[np.float64], *, limits: DriveLimits, band: Cont
 
 @dataclass(frozen=True)
 class _Playable:
-    """What one drive channel can play: values and steps between samples, the first one from 0."""
+    """Playable range of one drive channel: values and steps between samples, the first one from 0."""
 
     minimum: float
     maximum: float

@@ -1,4 +1,4 @@
-"""What an update may know: the target and every playback so far."""
+"""History for an update: the target and every playback so far."""
 
 from __future__ import annotations
 

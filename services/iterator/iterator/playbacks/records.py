@@ -56,7 +56,7 @@ class FirstDrive:
 
 @dataclass(frozen=True)
 class KnownBefore:
-    """What is known of a rig and a target before the first playback.
+    """Knowledge of a rig and a target before the first playback.
 
     Parameters
     ----------

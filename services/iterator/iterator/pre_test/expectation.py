@@ -1,4 +1,4 @@
-"""What the responses of a pre-test should be: by the model of an identification, or as in an earlier pre-test."""
+"""Expected responses of a pre-test: by the model of an identification, or as in an earlier pre-test."""
 
 from __future__ import annotations
 

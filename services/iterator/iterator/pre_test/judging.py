@@ -45,7 +45,7 @@ _UNLIKE: Final = 0.25
 
 
 class Check(Enum):
-    """What a pre-test looks at; the values are the names of the contract."""
+    """Check of a pre-test; the values are the names of the contract."""
 
     CALIBRATION = "PRE_TEST_CHECK_CALIBRATION"
     NOISE = "PRE_TEST_CHECK_NOISE"
@@ -61,7 +61,7 @@ class Check(Enum):
 
 @dataclass(frozen=True)
 class Finding:
-    """What is wrong with some channels, in one sentence; where it is not a failure, a remark."""
+    """Finding about some channels, in one sentence: a failure or a remark."""
 
     check: Check
     channels: tuple[str, ...]

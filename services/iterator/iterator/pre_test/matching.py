@@ -1,4 +1,4 @@
-"""Which channels must be inverted or swapped for the measured responses to be those that were expected."""
+"""Search for channels that are inverted or swapped, from measured and expected responses."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ class ExplainedChange:
 
 @dataclass(frozen=True)
 class Match:
-    """Which expected response each measured one is, with its sign, and how alike they are, -1 to 1 or not a number."""
+    """Match of measured to expected responses, with sign and likeness, -1 to 1 or not a number."""
 
     changes: tuple[ExplainedChange, ...]
     responses: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""What the recorder holds of a rig for its pre-test: an identification, earlier pre-tests, one that was broken off."""
+"""Recordings of a rig for its pre-test: an identification, earlier pre-tests, one that was broken off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the model foretells of the next playbacks: the spectral radius of Eq. 6, and how sure that is."""
+"""Predicted convergence of the next playbacks: the spectral radius of Eq. 6 and its uncertainty."""
 
 from __future__ import annotations
 

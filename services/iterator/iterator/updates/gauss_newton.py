@@ -23,7 +23,7 @@ _OVERSAMPLING: Final = 2.0
 
 
 class StepProblem:
-    """What a model with terms foresees of a step from a drive: `Δŷ = H x + Σ B_t (t(u + x) - t(u))`.
+    """Prediction of a model with terms for a step from a drive: `Δŷ = H x + Σ B_t (t(u + x) - t(u))`.
 
     Everything is in lines of the band, in scaled units: drives over `drive_scale`, responses times `response_weight`.
     A step is `x = L v`, with `L Lᴴ = (JᴴJ + R)⁻¹` of the mean tangent `J`, so that conjugate gradients in `v` begin

@@ -1,4 +1,4 @@
-"""What an update learns of a rig from the playbacks of earlier campaigns, before its own first one."""
+"""Learning of an update from the playbacks of earlier campaigns, before its own first one."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _TAPER: Final = 0.05
 
 
 class _UpdateModel(Protocol):
-    """What the settings model of a plug-in does beside holding values."""
+    """Interface of the settings model of a plug-in."""
 
     def next_drive(self, history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
         """Return the next drive."""

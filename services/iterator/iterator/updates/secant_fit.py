@@ -1,4 +1,4 @@
-"""What the steps between playbacks say about the rig: the identified FRF matrix, bent to explain them."""
+"""Fit of the identified FRF matrix to the steps between playbacks."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ from iterator.updates.segment_acceptance import AcceptanceSettings
 
 
 class UpdateSettings(ResolvedUpdate):
-    """What an update needs besides history and model; its other fields are those of `ResolvedUpdate`.
+    """Settings of an update besides history and model; its other fields are those of `ResolvedUpdate`.
 
     Parameters
     ----------

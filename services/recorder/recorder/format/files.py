@@ -21,7 +21,7 @@ _FILE = re.compile(r"(?P<id>[^.]+)(\.part(?P<number>\d{2,}))?\.mcap")
 
 
 class Part(StrEnum):
-    """What is kept of a recording."""
+    """Stored part of a recording."""
 
     RECORDING = "recording"
     LIVE = "live"

@@ -42,7 +42,7 @@ _NEARER: Final = 0.7
 
 @dataclass(frozen=True)
 class Stage:
-    """What a campaign is about, as far as the layout needs it.
+    """Subject of a campaign for the layout.
 
     `campaign`: Its name. `drives`, `responses`: In the rig's order. `detail`: Start and end of the stretch that the
     first tab shows magnified, in seconds. `duration`: Length of the target, in seconds. `outline`: Where the rig is;

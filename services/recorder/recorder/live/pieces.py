@@ -13,7 +13,7 @@ ItemT = TypeVar("ItemT")
 
 
 class Piece(Generic[ItemT]):
-    """What came since the last piece was drawn.
+    """Samples since the last piece was drawn.
 
     `clock`: Returns the time in s; it never goes backwards.
     """
@@ -25,12 +25,12 @@ class Piece(Generic[ItemT]):
 
     @property
     def first(self) -> ItemT | None:
-        """What came first, or None where nothing did."""
+        """First sample, or None if there is none."""
         return self._items[0] if self._items else None
 
     @property
     def last(self) -> ItemT | None:
-        """What came last, or None where nothing did."""
+        """Last sample, or None if there is none."""
         return self._items[-1] if self._items else None
 
     @property

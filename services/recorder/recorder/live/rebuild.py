@@ -62,7 +62,7 @@ class UnreadableFileError(Exception):
 
 @dataclass
 class Shown:
-    """What of a recording is shown.
+    """Shown part of a recording.
 
     `messages`: How many of them have a picture. `cut`: Files without an end, which are shown as far as they are whole.
     """

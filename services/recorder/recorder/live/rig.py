@@ -68,7 +68,7 @@ class RigDrawing:
 
     @property
     def outline(self) -> Outline:
-        """Where to look."""
+        """Outline of the rig for the view's camera."""
         return outline_of(self._scene)
 
     def show(self, block: rig_pb2.PoseBlock, *, on_run_time: bool) -> None:

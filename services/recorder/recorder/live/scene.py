@@ -1,4 +1,4 @@
-"""Where the solids and lines of a rig are in the world, of the poses of its bodies: numbers only."""
+"""Placement of the solids and lines of a rig in the world, from the poses of its bodies."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ class Line:
 
 @dataclass(frozen=True)
 class Scene:
-    """What is drawn of a rig.
+    """Drawing of a rig.
 
     `bodies`: How many poses there are for an instant. `rest`, shape (bodies, 7): Poses at rest.
     """

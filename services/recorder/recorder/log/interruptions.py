@@ -24,7 +24,7 @@ _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
 @dataclass
 class Interruption:
-    """Why a recording waits, the file to cut and its safe bytes, and the messages held for it."""
+    """Reason for the wait of a recording, the file to cut and its safe bytes, and the messages held for it."""
 
     why: str
     file: tuple[Path, int] | None

@@ -34,7 +34,7 @@ from recorder.refused import RefusedError
 
 
 class Placement(Enum):
-    """What is to be done with a step."""
+    """Treatment of a step."""
 
     NEW = auto()
     """It is the next one: store it."""
@@ -141,7 +141,7 @@ def as_disk_error(recording: str) -> Iterator[None]:
 
 @dataclass
 class Stored:
-    """What the finished files of a recording hold; `streams` also what is only written."""
+    """Content of the finished files of a recording; `streams` includes what is only written."""
 
     files: int = 0
     previous_sha256: str = ""

@@ -120,7 +120,7 @@ class Steps(TypedDict):
 
 @dataclass(frozen=True)
 class Run:
-    """What is to be played: from which state, on which commands (inputs, samples + 1), in what bounds of the states."""
+    """Run to play: initial state, commands (inputs, samples + 1) and bounds of the states."""
 
     state: np.ndarray
     commands: np.ndarray

@@ -31,7 +31,7 @@ _WORTHWHILE = 0.1
 
 
 class Form(Enum):
-    """How a vector comes about."""
+    """Origin of a vector."""
 
     CONSTANTS = auto()
     LOAD = auto()  # two states that lie side by side

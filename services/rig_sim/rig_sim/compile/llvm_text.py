@@ -38,7 +38,7 @@ def literal(value: float) -> str:
 
 @dataclass(frozen=True)
 class Kind:
-    """What an operation works on, doubles or vectors of them, in LLVM's types; the suffix is that of the intrinsics."""
+    """Operand type of an operation, doubles or their vectors, in LLVM's types; the suffix is that of the intrinsics."""
 
     numbers: str
     bits: str
@@ -48,7 +48,7 @@ class Kind:
 
     @property
     def attributes(self) -> str:
-        """What a function that works on it needs: registers of 512 bits are not taken by themselves everywhere."""
+        """Attributes of a function that works on it: registers of 512 bits are not taken by themselves everywhere."""
         bits = 64 * self.lanes
         return f' "min-legal-vector-width"="{bits}" "prefer-vector-width"="{bits}"' if bits > 256 else ""
 

@@ -121,7 +121,7 @@ def applied_force(body: int, wrench: np.ndarray) -> ExternallyAppliedSpatialForc
 
 
 class OwnEffects:
-    """What the elements do, compiled: their states' rates, wrenches on bodies, forces on joints, monitored values."""
+    """Compiled effects of the elements: their states' rates, wrenches on bodies, forces on joints, monitored values."""
 
     def __init__(self, model: RigModel) -> None:
         tree = model.assembly.tree

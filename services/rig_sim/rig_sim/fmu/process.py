@@ -24,7 +24,7 @@ _LONGEST_PRINTED = 160
 
 
 class FmuError(RuntimeError):
-    """What became of an FMU, as the end of a sentence that begins with it."""
+    """Error of an FMU, as the end of a sentence that begins with its name."""
 
 
 class FmuProcess:

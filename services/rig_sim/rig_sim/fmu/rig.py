@@ -56,7 +56,7 @@ class FmuRig:
 
     @property
     def engine_name(self) -> str:
-        """What plays."""
+        """Engine or rig that plays."""
         return f"FMI {self.model.fmi}.0 co-simulation"
 
     @property

@@ -89,7 +89,7 @@ class Element(Protocol):
 
 
 class ForceElement:
-    """What most elements have: no state of their own, or one that may keep any value at rest, and no drive."""
+    """Common part of most elements: no own state, or one that may keep any value at rest, and no drive."""
 
     settles = False
     initial_state: tuple[float, ...] = ()

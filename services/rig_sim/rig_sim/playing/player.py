@@ -156,7 +156,7 @@ class Rig:
 
     @property
     def engine_name(self) -> str:
-        """What plays."""
+        """Engine or rig that plays."""
         return self.engine.engine.value
 
     @property
@@ -407,7 +407,7 @@ class Playback(SimulatedPlayback):
 
     @property
     def rig(self) -> Rig:
-        """What plays."""
+        """Engine or rig that plays."""
         return self._rig
 
     @property
