@@ -85,9 +85,9 @@ def some_drive(samples: int, *, level: float = 0.004) -> np.ndarray:
     return drive * signal.windows.tukey(samples, 0.3)
 
 
-def write_target(path: Path, rig: LinearRig) -> Path:
-    """Write responses that the rig can make, six seconds of them."""
-    _write(path, rig.responses, rig.respond(some_drive(6000)))
+def write_target(path: Path, rig: LinearRig, *, samples: int = 6000) -> Path:
+    """Write responses that the rig can make, at 1 kHz."""
+    _write(path, rig.responses, rig.respond(some_drive(samples)))
     return path
 
 
@@ -253,8 +253,8 @@ class PageLab:
     def secured_page(self, name: str, **config) -> PageProcess:
         return self.page(name, accounts=str(write_accounts(self.folder / f"{name}.accounts.yaml")), **config)
 
-    def put_campaign(self, page: PageProcess, document: dict) -> None:
-        write_target(page.files / "target.rsp", self.rig)
+    def put_campaign(self, page: PageProcess, document: dict, *, samples: int = 6000) -> None:
+        write_target(page.files / "target.rsp", self.rig, samples=samples)
         (page.files / f"{document['name']}.yaml").write_text(yaml.safe_dump(document, sort_keys=False))
 
     def put_schedule(self, page: PageProcess, document: dict) -> None:
