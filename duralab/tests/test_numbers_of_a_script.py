@@ -9,12 +9,12 @@ from duralab.errors import InputError
 from duralab.lab.campaign_running import resume_campaign
 from duralab.lab.playing import play_drive
 
-NOBODY = object()
+UNUSED = object()
 
 
 def play(seed):
-    options = {"run": None, "real_time": False, "on_progress": NOBODY, "deadline": NOBODY}
-    play_drive(NOBODY, RIG, np.zeros((2, 10)), seed=seed, **options)
+    options = {"run": None, "real_time": False, "on_progress": UNUSED, "deadline": UNUSED}
+    play_drive(UNUSED, RIG, np.zeros((2, 10)), seed=seed, **options)
 
 
 def identify(seed):
@@ -37,5 +37,5 @@ def test_a_playback_to_build_on_out_of_range(number):
     with pytest.raises(
         InputError, match=f"^from_iteration is {number}; give the number of a playback from 1"
     ) as caught:
-        resume_campaign(NOBODY, "demo", from_iteration=number, **options)
+        resume_campaign(UNUSED, "demo", from_iteration=number, **options)
     assert caught.value.field == "from_iteration"

@@ -52,7 +52,7 @@ class Criterion(StrEnum):
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a result; a limit that is None is not judged.
+    """Limits of a result; None leaves a figure unjudged.
 
     `relative_rms_error`: Largest relative RMS error of a controlled channel. `peak_ratio`, `damage_ratio`: Smallest and
     largest, response over target. `damage_exponent`: Slope of the S-N line that damage is judged at: 3, 5 or 8.

@@ -34,10 +34,8 @@ def check_figures(bench: Bench) -> None:
     expect(description.rig == bench.rig, f"the description is of {description.rig!r}; asked was {bench.rig!r}.")
     for field in ("specimen", "engine", "version"):
         expect(bool(getattr(description, field)), f"{field} is empty; say what it is.")
-    for field, value in (
-        ("sample_rate", description.sample_rate),
-        ("longest_drive_seconds", description.longest_drive_seconds),
-    ):
+    for field in ("sample_rate", "longest_drive_seconds"):
+        value = getattr(description, field)
         expect(np.isfinite(value) and value > 0.0, f"{field} is {value:g}; it must be above 0.")
     expect(description.block_samples > 0, "block_samples is 0; say how many samples a full signal block has.")
     expect(

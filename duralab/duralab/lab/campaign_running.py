@@ -84,18 +84,18 @@ def followed(
         except FaultError as fault:
             error = ask.explained(fault)
             # What was refused has left nothing behind.
-            raise (recovery.annotated(error, played=played) if begun else error) from fault
+            raise (recovery.annotate(error, played=played) if begun else error) from fault
         except LabError as error:
             ended_itself = isinstance(error, ServiceEndedError)
             stopped(str(error), silence_seconds=_STOP_SILENCE_SECONDS if ended_itself else SILENCE_SECONDS)
-            raise recovery.annotated(error, played=played) from error
+            raise recovery.annotate(error, played=played) from error
     except KeyboardInterrupt as interrupt:
         try:
             # Whoever interrupts does not want to wait for a service that is gone.
             stopped("interrupted by the user", silence_seconds=_STOP_SILENCE_SECONDS)
-            recovery.annotated(interrupt, played=played)
+            recovery.annotate(interrupt, played=played)
         except KeyboardInterrupt as again:
-            recovery.annotated(again, played=played, fetch=False)
+            recovery.annotate(again, played=played, fetch=False)
             raise
         raise
 
@@ -127,15 +127,15 @@ def collect(
             field=status.fault.field,
             service=status.fault.service,
         )
-        raise recovery.annotated(error, played=bool(status.iterations))
+        raise recovery.annotate(error, played=bool(status.iterations))
     try:
         result = fetch_result(ask.bus, specification, status, folder=folder)
     except FaultError as fault:
-        raise recovery.annotated(ask.explained(fault), played=True, fetch=False) from fault
+        raise recovery.annotate(ask.explained(fault), played=True, fetch=False) from fault
     except LabError as error:
-        raise recovery.annotated(error, played=True, fetch=False) from error
+        raise recovery.annotate(error, played=True, fetch=False) from error
     except KeyboardInterrupt as interrupt:
-        recovery.annotated(interrupt, played=True, fetch=False)
+        recovery.annotate(interrupt, played=True, fetch=False)
         raise
     recovery.place.fetched.add(specification.id)
     return result

@@ -148,8 +148,8 @@ class Recovery:
     folder: Path
     place: RecordingsPlace
 
-    def annotated(self, error: ErrorT, *, played: bool, fetch: bool = True) -> ErrorT:
-        """Return an error that says where the recording is, fetched into `folder` first unless `fetch` is False."""
+    def annotate(self, error: ErrorT, *, played: bool, fetch: bool = True) -> ErrorT:
+        """Add to an error where the recording is, fetched into `folder` first unless `fetch` is False; return it."""
         sentence = self._brought(played=played) if fetch else self._where_it_lies(played=played)
         if sentence and isinstance(error, LabError):
             return type(error)(f"{ended(error.message)} {sentence}", field=error.field, service=error.service)
@@ -169,7 +169,7 @@ class Recovery:
                 )
                 return self.place.say(self.id, f"{_PLAYED} is in {path}; {_reader(played=played)}{further}")
         except KeyboardInterrupt as again:
-            self.annotated(again, played=played, fetch=False)
+            self.annotate(again, played=played, fetch=False)
             raise
         except FaultError as fault:
             if fault.code == query_pb2.FAULT_CODE_NOT_FOUND and self.place.file(self.id) is None:

@@ -118,7 +118,7 @@ class CampaignUnderWay:
 
 @dataclass(frozen=True)
 class RecorderStatus:
-    """Content of a recorder; `free_bytes` is None where its disk is another machine's.
+    """Content of a recorder; `free_bytes` is None if its disk belongs to another machine.
 
     `missing_blocks`: Signal blocks that it knows of and does not hold yet; of an ended run, what is lost. `waiting`:
     Why it cannot write now; empty where it can.
@@ -134,7 +134,7 @@ class RecorderStatus:
 
 @dataclass(frozen=True)
 class LabStatus:
-    """State of a lab; `missing` names the services that do not run, and `recorder` is None if it is one of them."""
+    """State of a lab; `missing` names the services that do not run, and without a recorder `recorder` is None."""
 
     missing: tuple[str, ...]
     services: tuple[ServiceHealth, ...]

@@ -163,8 +163,8 @@ class RigServer:
         )
         bus.serve(keys.rig_description(self.name), rig_pb2.DescriptionRequest, lambda *_: self._description)
         bus.serve(keys.rig_frf(self.name), rig_pb2.RigFrfRequest, self._answer_frf)
-        # Separate workers: rigs beside each other play at once, one more query is told that this one is busy, and a
-        # stop is heard while all others are taken.
+        # Separate workers: several rigs play at the same time, a second play query receives the answer "busy", and a
+        # stop is received while all other workers are in use.
         bus.serve(keys.rig_play(self.name), rig_pb2.PlayRequest, self._play, workers=2)
         bus.serve(keys.rig_stop(self.name), rig_pb2.StopRequest, self._on_stop, workers=4)
         bus.serve(keys.rig_reset(self.name), rig_pb2.ResetRequest, self._on_reset, workers=4)

@@ -84,7 +84,7 @@ def _hash(cookie: str) -> str:
 
 
 class RateLimit:
-    """So many calls at once, and so many second after that, for each key; safe for threads."""
+    """Rate limit for each key: `at_once` calls in a burst, then `per_second`; safe for threads."""
 
     def __init__(
         self, at_once: float, per_second: float, *, most_keys: int = 10_000, clock: Callable[[], float] = time.monotonic

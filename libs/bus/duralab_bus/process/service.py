@@ -239,7 +239,7 @@ class _StopSignal:
             os.kill(os.getpid(), signal.SIGTERM)
 
     def _watch(self) -> None:
-        """Log the threads' positions on request; end the process if it does not end by itself."""
+        """Log the threads' positions on request; force the end of a process that does not end in time."""
         if sys.platform == "win32":
             self._signal_reads.recv(1)
         else:

@@ -217,7 +217,7 @@ class QueryServer:
         if self._askers is None:
             self._askers = self._session.declare(
                 lambda joined: joined.liveliness().declare_subscriber(
-                    # Those that are there already are told as well: a link that is made again brings them back.
+                    # Present members are reported as well: a restored link brings them back.
                     self._keys.asking(ANY),
                     zenoh.handlers.Callback(self._on_asker, indirect=False),
                     history=True,
@@ -255,7 +255,7 @@ class QueryServer:
         return served
 
     def forget(self, served: Served, route: _Route) -> None:
-        """Release what is served no more; the jobs of its own pool that wait are still done."""
+        """Release a service that has ended; the waiting jobs of its own pool are still done."""
         with self._changed:
             self._served.discard(served)
             if route in self._routes:

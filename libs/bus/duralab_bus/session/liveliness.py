@@ -35,7 +35,7 @@ class LivelinessTracker:
         self._events: SimpleQueue[zenoh.Sample | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._run, name="duralab_bus-liveliness", daemon=True)
         self._thread.start()
-        # Who is there is told again by a session that takes this one's place.
+        # A session that replaces this one reports all present members again.
         self._subscriber = session.declare(
             lambda joined: joined.liveliness().declare_subscriber(
                 keys.live(ANY, ANY), zenoh.handlers.Callback(self._events.put, indirect=False), history=True

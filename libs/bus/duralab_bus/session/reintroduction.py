@@ -77,6 +77,6 @@ class Reintroduction:
         try:
             session, _ = open_session(self._joining)
         except BusError:
-            return  # Who tells is gone as well. Zenoh continues trying to reach it, and is told when it does.
+            return  # The reporting session is gone as well. Zenoh keeps trying to reach it and reports success.
         self._closed.wait(_STAY_SECONDS)
         session.close()

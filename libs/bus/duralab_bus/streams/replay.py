@@ -298,7 +298,7 @@ class ReplayServer:
         self._small.put(KEPT_SECONDS, lambda: self._expire(offer))
 
     def settle(self, offer: SpoolOffer) -> None:
-        """Release a spool that nobody needs any more; its end is still told for a moment."""
+        """Release a spool that no receiver needs; queries for its end are still answered for a short time."""
         offer.spool.close(delete=True)
         self._small.put(LAST_HEAD_SECONDS, lambda: self.withdraw(offer))
 

@@ -14,7 +14,7 @@ GOOD_MISS = 0.1
 
 @dataclass(frozen=True)
 class LevelCheck:
-    """Error of a model for a further record of its own level.
+    """Prediction error of a model for another record at the level of its identification.
 
     Parameters
     ----------

@@ -13,7 +13,7 @@ ItemT = TypeVar("ItemT")
 
 
 class Piece(Generic[ItemT]):
-    """Samples since the last piece was drawn.
+    """Items since the last piece was drawn.
 
     `clock`: Returns the time in s; it never goes backwards.
     """
@@ -25,26 +25,26 @@ class Piece(Generic[ItemT]):
 
     @property
     def first(self) -> ItemT | None:
-        """First sample, or None if there is none."""
+        """First item, or None."""
         return self._items[0] if self._items else None
 
     @property
     def last(self) -> ItemT | None:
-        """Last sample, or None if there is none."""
+        """Last item, or None."""
         return self._items[-1] if self._items else None
 
     @property
     def due(self) -> bool:
-        """Whether its first item has waited for as long as anything may."""
+        """Whether the first item has waited for the longest allowed time."""
         return bool(self._items) and self._clock() - self._begun >= PIECE_SECONDS
 
     def add(self, item: ItemT) -> None:
-        """Add what came."""
+        """Add an item."""
         if not self._items:
             self._begun = self._clock()
         self._items.append(item)
 
     def take(self) -> list[ItemT]:
-        """Return everything and begin again."""
+        """Return all items and start the next piece."""
         items, self._items = self._items, []
         return items

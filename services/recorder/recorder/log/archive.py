@@ -340,7 +340,7 @@ class Archive:
         return None
 
     def _take_unclaimed(self, item: StreamItem[rig_pb2.SignalBlock]) -> None:
-        """Release a block of no recording, unless one whose files could not be read yet may claim it."""
+        """Discard a block of no recording, unless one whose files could not be read yet may claim it."""
         if self._interruptions.hold_unclaimed(item):
             return
         if self._runs.is_new_stranger(run_of(item.key)):
@@ -364,7 +364,7 @@ class Archive:
     def take_pose(self, item: StreamItem[rig_pb2.PoseBlock]) -> str | None:
         """Write body poses to the recording of their run; return it, or None where they belong to none."""
         run = self._runs.find(rig_of(item.key), item.message.run)
-        # Poses are for the eye and may have gaps: while the disk takes nothing they are released.
+        # Poses are for the eye and may have gaps: while the disk takes nothing they are dropped.
         if run is None or run.recording in self._interruptions or not holds_doubles_only(item.message):
             return None
         return run.recording if self._add_stream(run.recording, item) else None

@@ -56,7 +56,7 @@ class FmuRig:
 
     @property
     def engine_name(self) -> str:
-        """Engine or rig that plays."""
+        """Name of the engine that plays."""
         return f"FMI {self.model.fmi}.0 co-simulation"
 
     @property

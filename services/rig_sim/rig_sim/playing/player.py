@@ -156,7 +156,7 @@ class Rig:
 
     @property
     def engine_name(self) -> str:
-        """Engine or rig that plays."""
+        """Name of the engine that plays."""
         return self.engine.engine.value
 
     @property
@@ -407,7 +407,7 @@ class Playback(SimulatedPlayback):
 
     @property
     def rig(self) -> Rig:
-        """Engine or rig that plays."""
+        """Rig that plays."""
         return self._rig
 
     @property
