@@ -76,7 +76,8 @@ def test_nobody_who_is_not_signed_in_sees_or_does_anything(page):
 
 def test_a_viewer_sees_all_and_does_nothing(signed_in):
     viewer = signed_in["Vera"]
-    assert viewer.lab()["rigs"][0]["name"] == RIG
+    # The page serves before it has heard of a rig.
+    assert viewer.wait_for(lambda document: document["rigs"])["rigs"][0]["name"] == RIG
     for path in READS[1:]:
         assert viewer.get(path)[0] == 200
     for path, (values, _) in COMMANDS.items():
