@@ -111,6 +111,15 @@ class Page:
         self.wait("document.activeElement.className.includes('go')", 1.0)
         self.key("Enter", text="\r", windowsVirtualKeyCode=13)
 
+    def tab_to(self, selector: str) -> None:
+        """Press Tab until an element has the focus, from wherever the focus is."""
+        self.wait(f"document.querySelector({json.dumps(selector)})")
+        for _ in range(200):
+            if self.value(f"document.activeElement.matches({json.dumps(selector)})"):
+                return
+            self.key("Tab", windowsVirtualKeyCode=9)
+        raise AssertionError(f"Tab never reaches {selector}")
+
     def write(self, selector: str, text: str) -> None:
         self.place(selector)
         self.value(

@@ -112,24 +112,64 @@ def test_a_test_is_set_up_from_a_measured_file_run_and_reported(lab, served, bro
     assert page.value("wrong.filter((one) => !one.includes('storage') && !one.includes('sandbox'))") == []
 
 
-def test_the_keyboard_alone_begins_decides_and_stops(lab, served, browser):
+def test_the_keyboard_alone_begins_changes_decides_stops_resumes_and_opens_the_report(lab, served, browser):
     # A minute long: a browser that draws without a graphics card on a busy machine may stand still for 12 s.
     lab.put_campaign(served, campaign("typed", real_time=True), samples=60_000)
     page = Page(browser, served.address)
     page.wait_for_text("live")
+
+    def say(field: str, words: str) -> None:
+        page.tab_to(field)
+        browser.call("Input.insertText", text=words)
+
+    def decide_by_keys(proposal: int, downs: int, *, gain: str = "", reason: str) -> None:
+        page.wait_for_text(f"on proposal {proposal},", ".activity")
+        page.tab_to(".hold input[name=decision]")
+        for _ in range(downs):
+            page.key("ArrowDown", windowsVirtualKeyCode=40)
+        if gain:
+            say(".hold input[name=gain]", gain)
+        say(".hold input[name=reason]", reason)
+        page.tab_and_do(".hold .arm")
+
     page.key("3", text="3")
     page.wait_for_text("Begin a campaign")
-    page.wait("document.querySelector('select[name=campaign]')")
-    page.value("document.querySelector('select[name=campaign]').focus()")
+    page.tab_to("select[name=campaign]")
     page.choose("select[name=campaign]", "file:typed")
     page.tab_and_do(".arm")
-    page.wait("document.querySelector('.hold')")
-    page.value("document.querySelector('.hold input[name=reason]').focus()")
-    browser.call("Input.insertText", text="by keyboard")
-    page.tab_and_do(".hold .arm")
+    decide_by_keys(1, 1, gain="0.8", reason="too slow")
+    decide_by_keys(2, 0, reason="by keyboard")
     page.wait_for_text("playing", "h1 .mode")
     page.key("F9", windowsVirtualKeyCode=120)
     page.wait_for_text("interlocked", "h1 .mode")
+    page.wait_for_text("stopped", ".activity")
+    page.value("document.activeElement.blur()")
+    page.key("2", text="2")
+    say("article input", "the stop was a test")
+    page.tab_and_do("article:nth-of-type(3) .arm")
+    page.wait_for_text("idle", ".large")
+    page.value("document.activeElement.blur()")
+    page.key("3", text="3")
+    page.wait("document.querySelector('.resume .arm') && !document.querySelector('.resume .arm').disabled")
+    page.tab_to(".resume .arm")
+    page.key("Enter", text="\r", windowsVirtualKeyCode=13)
+    page.wait("document.activeElement.className.includes('go')")
+    page.key("Enter", text="\r", windowsVirtualKeyCode=13)
+    page.wait_for_text("Run typed-2", "h1")
+    decide_by_keys(1, 3, reason="enough")
+    page.wait("document.querySelector('.resume')")
+    page.value("document.activeElement.blur()")
+    page.key("6", text="6")
+    page.tab_to("a[href='/api/recordings/typed-2/report']")
+    page.key("Enter", text="\r", windowsVirtualKeyCode=13)
+    report = f"{served.address}api/recordings/typed-2/report"
+    end = time.monotonic() + 60.0
+    while report not in [target["url"] for target in browser.call("Target.getTargets")["targetInfos"]]:
+        assert time.monotonic() < end
+        time.sleep(0.1)
+    recording = duralab.open(lab.lab.catalogue.fetch("typed", lab.folder / "typed"))
+    assert [each.kind.value for each in recording.decisions] == ["change", "play"]
+    assert np.frombuffer(recording.specification_in_use.update.iteration_gain.data).tolist() == [0.8, 0.8]
 
 
 BEGIN_ENDURANCE = "section[aria-label='Begin an endurance test']"
