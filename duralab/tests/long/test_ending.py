@@ -16,6 +16,7 @@ import pytest
 from test_cli import COMMAND, finish, quick, services_of
 from test_supervisor import wait_until_gone
 
+from duralab.errors import PROCESS_LIMIT
 from duralab.processes.supervisor import last_lines
 
 OTHER_USER = 54_321
@@ -123,15 +124,9 @@ def limited(count, folder):
 
 
 @pytest.mark.skipif(not (shutil.which("setpriv") and shutil.which("prlimit")), reason="needs util-linux")
-@pytest.mark.parametrize(
-    ("threads", "begins", "said"),
-    [
-        (8, "Error: A process or thread of this command ", "could not be started: "),
-        (30, "Error: The service ", "it could not start a thread, "),
-    ],
-)
-def test_a_limit_of_processes_is_one_sentence(tmp_path, threads, begins, said):
-    """The first limit is met by the command before it starts a service, the second by a service."""
+@pytest.mark.parametrize("threads", [10, 30])
+def test_a_limit_of_processes_is_one_sentence(tmp_path, threads):
+    """The first limit is met by the command, mostly before it starts a service, the second by a service."""
     process = subprocess.Popen(
         [*limited(threads, tmp_path), *COMMAND, "run", "front_axle_demo", "--out", "out"],
         cwd=tmp_path,
@@ -142,11 +137,16 @@ def test_a_limit_of_processes_is_one_sentence(tmp_path, threads, begins, said):
     )
     code, _, stderr = finish(process)
     assert code == 1
-    assert f"{said}the limit of processes and threads of this user or container is reached; end other" in stderr
     assert "File" not in stderr
     # The command's own Zenoh may meet the limit as well: its thread then writes a Rust trace before the sentence.
     *before, sentence = stderr.splitlines()
-    assert sentence.startswith(begins)
+    # Which thread is one too many depends on their order, which the system chooses: each has its own sentence.
+    assert re.fullmatch(
+        r"Error: (A process or thread of this command could not be started: "
+        r"|The process of the service \w+ could not be started: "
+        r"|The service \w+ .*: it could not start a thread, )" + re.escape(PROCESS_LIMIT) + r"(\.|; its log is .*)",
+        sentence,
+    ), sentence
     assert not before or "can't spawn worker thread" in stderr
 
 
