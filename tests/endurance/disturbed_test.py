@@ -143,8 +143,10 @@ class DisturbedTest:
             return None
 
     def _recorded_end(self) -> sequencer_pb2.EnduranceStatus | None:
-        """Return the status with which the recordings end; None where the test has not ended."""
-        steps = recorded_steps(self._services, self._spec.id)
+        """Return the status with which the recordings end; None where the last is not closed with it."""
+        steps = list(recorded_steps(self._services, self._spec.id))
+        if not steps or not isinstance(steps[-1], recorder_pb2.RecordingClosed):
+            return None
         ended = [step for step in steps if isinstance(step, sequencer_pb2.EnduranceStatus)]
         finished = [status for status in ended if status.phase == sequencer_pb2.ENDURANCE_PHASE_FINISHED]
         return finished[0] if finished else None

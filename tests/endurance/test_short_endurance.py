@@ -6,7 +6,7 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from duralab_bus import FaultError
+from duralab_bus import FaultError, RecordingLog
 from duralab_proto.arrays import from_array
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 
@@ -139,6 +139,21 @@ def test_a_stop_ends_it_latches_the_rig_and_counts_what_was_broken_off(services)
     with pytest.raises(FaultError, match="has ended"):
         ask(services, bus.keys.endurance_resume("stopped", RIG), sequencer_pb2.ResumeEnduranceRequest())
     reset_rig(services)
+
+
+def test_a_recording_that_lacks_only_its_end_is_closed_by_the_resume_that_is_refused(services):
+    # As a sequencer leaves it that is killed between the last two steps.
+    bus, spec = services.bus, specification(services, "ended", repeats=3)
+    log = RecordingLog(bus, spec.id)
+    log.commit(spec)
+    log.commit(sequencer_pb2.EnduranceVolume(id=spec.id, rig=RIG, number=1))
+    phase = sequencer_pb2.ENDURANCE_PHASE_FINISHED
+    log.commit(sequencer_pb2.EnduranceStatus(id=spec.id, rig=RIG, phase=phase, activity="finished after 3 repeats"))
+    with pytest.raises(FaultError, match=r"has ended \(finished after 3 repeats\); start a new one"):
+        ask(services, bus.keys.endurance_resume(spec.id, RIG), sequencer_pb2.ResumeEnduranceRequest())
+    assert steps_of(services, spec.id, recorder_pb2.RecordingClosed)[0].reason == "finished after 3 repeats"
+    key = bus.keys.recording_verify(spec.id)
+    assert not bus.query(key, recorder_pb2.VerifyRecordingRequest(), recorder_pb2.VerifyResult).findings
 
 
 def test_a_rig_that_is_latched_between_two_repeats_makes_it_hold_and_nothing_is_counted(services):

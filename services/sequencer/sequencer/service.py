@@ -131,13 +131,13 @@ class SequencerService:
         call.progress("reading back", 0.0, detail=f"endurance test {id}")
         recorded = read_endurance(self._bus, id)
         call.require_rig(recorded.spec.rig, field="rig")
-        require_open(recorded)
+        require_open(self._bus, recorded)
         with self._admitting(id, recorded.spec.rig, again=True):
             description = described_rig(self._bus, recorded.spec.rig)
             require_same_rig(recorded, description)
             # Only now nobody else can continue with it.
             recorded = read_endurance(self._bus, id)
-            require_open(recorded)
+            require_open(self._bus, recorded)
             go_on_recording(self._bus, recorded)
             plan = plan_endurance(recorded.spec, description)
             return self._begin(plan, recorded_progress(recorded, plan))

@@ -8,7 +8,7 @@ from google.protobuf.message import Message
 from duralab_bus import Bus, FaultError, RecordingLog
 from duralab_monitoring import Monitor
 from duralab_proto.arrays import from_array
-from duralab_proto.v1 import query_pb2, rig_pb2, sequencer_pb2
+from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 from sequencer.endurance.endurance_test import Progress
 from sequencer.endurance.messages import restored_tally, stored_statistics
 from sequencer.endurance.plan import EndurancePlan
@@ -21,12 +21,15 @@ def fresh_progress(plan: EndurancePlan) -> Progress:
     return Progress(tallies=plan.fresh_tallies(), monitor=plan.fresh_monitor())
 
 
-def require_open(recorded: RecordedTest) -> None:
-    """Refuse a test that has ended."""
-    if recorded.last.final is not None:
+def require_open(bus: Bus, recorded: RecordedTest) -> None:
+    """Refuse a test that has ended; close its recording first where a crash came between its last step and that."""
+    if (final := recorded.last.final) is not None:
+        if not recorded.last.closed:
+            log = RecordingLog(bus, volume_name(recorded.spec.id, recorded.last.number), next_step=recorded.last.steps)
+            log.commit(recorder_pb2.RecordingClosed(reason=final.fault.message or final.activity))
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-            f"Endurance test {recorded.spec.id!r} has ended ({recorded.last.final.activity}); start a new one.",
+            f"Endurance test {recorded.spec.id!r} has ended ({final.activity}); start a new one.",
             field="id",
         )
 
