@@ -28,8 +28,8 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
             f"{path} cannot be written: {error.strerror or error}; give another place, or make room there."
         ) from error
     finally:
-        # A file in the place of a folder: `missing_ok` is about missing files only.
-        with suppress(NotADirectoryError):
+        # A file in the place of a folder, a name too long: `missing_ok` is about missing files only.
+        with suppress(OSError):
             temporary.unlink(missing_ok=True)
 
 

@@ -35,7 +35,7 @@ def test_a_copy_that_was_resumed_from_stays_only_if_the_campaign_went_on_in_it(t
                 place.copies.add("demo")
         assert place.folder.exists() is changes
     assert (recording_path.read_bytes(), recording_path.stat().st_mtime_ns) == before
-    with pytest.raises(InputError, match="resume 'demo' by that name"):
+    with pytest.raises(InputError, match="name 'demo' where the lab's catalogue lists it"):
         RecordingsPlace().copy_in(given)
 
 

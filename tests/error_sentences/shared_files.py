@@ -9,12 +9,16 @@ from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
+import pytest
 import yaml
+from cryptography.hazmat.primitives import serialization
+from cryptography.hazmat.primitives.asymmetric import ed25519
 
 from duralab import Channel, Signals
 from duralab.campaign import load_campaign
-from duralab.formats import write_signals
+from duralab.formats import export_drive, import_response, read_signals, write_signals
 from duralab.security import MemberEntry, init_authority, issue
+from duralab_proto.arrays import from_array, to_array
 
 ROOT: Final = Path(__file__).resolve().parents[2]
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7474"
@@ -81,6 +85,24 @@ def _damaged(path: Path) -> None:
     path.write_bytes(content)
 
 
+def _of_another_rig(path: Path) -> None:
+    campaign, _ = _synthetic()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(campaign, "NAMES", tuple(name.replace("left", "front") for name in campaign.NAMES))
+        patch.setattr(campaign, "NAMES", tuple(name.replace("right", "rear") for name in campaign.NAMES))
+        _campaign_recording(path)
+
+
+def _without_some_lines(path: Path) -> None:
+    """A recording whose model was not identified at some lines inside its band."""
+    campaign, _ = _synthetic()
+    made = campaign.make(seconds=8.0, iterations=3)
+    frf = from_array(made.model.frf).copy()
+    frf[100:110] = np.nan
+    made.model.frf.CopyFrom(to_array(frf))
+    campaign.write(path, campaign.steps(made))
+
+
 def _endurance(path: Path) -> None:
     _, endurance = _synthetic()
     folder = path.with_name("endurance-parts")
@@ -92,6 +114,36 @@ def _endurance(path: Path) -> None:
 def _certificates(path: Path) -> None:
     init_authority(path)
     issue(path, MemberEntry(role="router", name="main"))
+
+
+def _authorities(path: Path) -> None:
+    """Authorities without their key, with a text in its place, and with a key of another kind."""
+    other = ed25519.Ed25519PrivateKey.generate().private_bytes(
+        serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
+    )
+    for name, key in (("without_key", None), ("with_text", b"a text"), ("with_other_key", other)):
+        file = init_authority(path / name).key
+        file.unlink()
+        if key is not None:
+            file.write_bytes(key)
+
+
+def _station(path: Path) -> None:
+    """An exchange with a controller: run one was answered, and its drive file changed since; run two waits."""
+    path.mkdir()
+    controller_map = path / "controller.yaml"
+    controller_map.write_text(_TEXTS["map.yaml"], encoding="utf-8")
+    spectrum = np.zeros((2, 601), dtype=complex)
+    spectrum[:, 3:60] = np.exp(2j * np.pi * np.random.default_rng(1).random((2, 57)))
+    drive = Signals((Channel("left", "m"), Channel("right", "m")), 200.0, np.fft.irfft(spectrum))
+    played = read_signals(export_drive(drive, controller_map, run="one").path)
+    channels = (Channel("L Cmd", "mm"), Channel("R Cmd", "mm"), Channel("L Force", "kN"))
+    recorded = np.vstack([played.samples, 0.1 * played.samples[:1]])
+    write_signals(Signals(channels, 200.0, recorded), path / "one.rsp")
+    import_response(path / "one.rsp", controller_map)
+    changed = path / "exchange/outbox/done/one.drv"
+    changed.write_bytes(changed.read_bytes()[:-1] + b"\1")
+    export_drive(drive, controller_map, run="two")
 
 
 def _cut(path: Path) -> None:
@@ -107,6 +159,28 @@ def _mdf_of_two_times(path: Path) -> None:
         for name, samples in (("left", 100), ("right", 50)):
             measurement.append([asammdf.Signal(np.ones(samples), np.arange(samples) / 200.0, name=name, unit="N")])
         measurement.save(path, overwrite=True)
+
+
+def _mdf_of_texts(path: Path) -> None:
+    import asammdf
+
+    with asammdf.MDF(version="4.10") as measurement:
+        measurement.append([asammdf.Signal(np.array([b"on", b"off"]), np.arange(2.0), name="state", encoding="utf-8")])
+        measurement.save(path, overwrite=True)
+
+
+def _mdf_of_version_3(path: Path) -> None:
+    import asammdf
+
+    with asammdf.MDF(version="3.30") as measurement:
+        measurement.append([asammdf.Signal(np.ones(100), np.arange(100) / 200.0, name="left", unit="N")])
+        measurement.save(path.with_suffix(".mdf"), overwrite=True)
+    path.with_suffix(".mdf").rename(path)
+
+
+def _cut_tdms(path: Path) -> None:
+    write_signals(_signals("left", "right"), path)
+    path.write_bytes(path.read_bytes()[:-3000])
 
 
 def _tdms_of_two_rates(path: Path) -> None:
@@ -128,10 +202,26 @@ def _parquet_with_nulls(path: Path) -> None:
     pyarrow.parquet.write_table(pyarrow.table({"time [s]": [0.0, 1.0], "left [N]": [1.0, None]}), path)
 
 
-def _mat_without_rate(path: Path) -> None:
+def _parquet_of_too_few_rows(path: Path) -> None:
+    """The number of rows at the end of the file, 4000 as a variable-length integer, is one too many."""
+    write_signals(_signals("left"), path)
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"\x16\xc0\x3e", b"\x16\xc2\x3e", 1))
+
+
+def _mat(path: Path, **changes: Any) -> None:
+    """A MATLAB file of two channels with variables changed; None leaves one out."""
     import scipy.io
 
-    scipy.io.savemat(path, {"samples": np.ones((2, 5))})
+    names, units = np.array(["left", "right"], dtype=object), np.array(["N", "N"], dtype=object)
+    content = {"samples": np.ones((2, 5)), "sample_rate": 200.0, "names": names, "units": units, **changes}
+    scipy.io.savemat(path, {name: value for name, value in content.items() if value is not None})
+
+
+def _mat_of_many(path: Path) -> None:
+    _mat(path)
+    announced, large = (np.array([2, samples], dtype="<i4").tobytes() for samples in (5, 1 << 30))
+    path.write_bytes(path.read_bytes().replace(announced, large))
 
 
 _MADE: Final[dict[str, Callable[[Path], Any]]] = {
@@ -141,8 +231,12 @@ _MADE: Final[dict[str, Callable[[Path], Any]]] = {
     "second.mcap": lambda path: _campaign_recording(path, seed=4),
     "empty.mcap": _without_playbacks,
     "damaged.mcap": _damaged,
+    "other_rig.mcap": _of_another_rig,
+    "lines_missing.mcap": _without_some_lines,
     "endurance.mcap": _endurance,
     "certificates": _certificates,
+    "authorities": _authorities,
+    "station": _station,
     "campaign.yaml": lambda path: path.write_text(load_campaign("front_axle_demo").text, encoding="utf-8"),
     "signals.csv": lambda path: write_signals(_signals("left", "right"), path),
     "target.csv": lambda path: write_signals(_signals(*RESPONSES), path),
@@ -155,7 +249,16 @@ _MADE: Final[dict[str, Callable[[Path], Any]]] = {
     "two_times.mf4": _mdf_of_two_times,
     "two_rates.tdms": _tdms_of_two_rates,
     "nulls.parquet": _parquet_with_nulls,
-    "no_rate.mat": _mat_without_rate,
+    "rows_missing.parquet": _parquet_of_too_few_rows,
+    "texts.mf4": _mdf_of_texts,
+    "version_3.mf4": _mdf_of_version_3,
+    "cut.tdms": _cut_tdms,
+    "no_rate.mat": lambda path: _mat(path, sample_rate=None, names=None, units=None),
+    "rate_0.mat": lambda path: _mat(path, sample_rate=0.0),
+    "one_name.mat": lambda path: _mat(path, names=np.array(["left"], dtype=object)),
+    "two_lines.mat": lambda path: _mat(path, names=np.array(["left\nfront", "right"], dtype=object)),
+    "huge.mat": _mat_of_many,
+    "many.csv": lambda path: write_signals(_signals(*(f"gauge_{number}" for number in range(300)), rate=4.0), path),
 }
 
 

@@ -64,13 +64,16 @@ def check_against_rig(campaign: Campaign, rig: Rig) -> None:
     ):
         if seconds > rig.longest_drive_seconds:
             raise InputError(
-                f"{key} is {seconds:g} s; rig {rig.name!r} plays {rig.longest_drive_seconds:g} s at most.", field=key
+                f"{key} is {seconds:g} s; rig {rig.name!r} plays {rig.longest_drive_seconds:g} s at most, so shorten "
+                "it.",
+                field=key,
             )
     block_seconds = campaign.estimator.block_samples / rig.sample_rate
     if block_seconds > excitation.duration - 2 * excitation.fade:
         raise InputError(
             f"estimator.block_samples is {campaign.estimator.block_samples} ({block_seconds:g} s); the experiment "
-            f"without its fades lasts only {excitation.duration - 2 * excitation.fade:g} s.",
+            f"without its fades lasts only {excitation.duration - 2 * excitation.fade:g} s, so give smaller blocks or "
+            "a longer experiment.",
             field="estimator.block_samples",
         )
 

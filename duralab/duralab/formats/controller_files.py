@@ -248,9 +248,9 @@ def _asked(mapped: ControllerMap, run: str) -> tuple[Order, np.ndarray]:
     order = read_order(folder / f"{run}.json")
     drive_file = folder / order.drive_file
     history = read_rpc3(drive_file)
-    if (own := _sha256(drive_file)) != order.sha256:
+    if _sha256(drive_file) != order.sha256:
         raise FormatError(
-            drive_file, f"its SHA-256 is {own}, and it was written with {order.sha256}; export the drive again."
+            drive_file, f"its SHA-256 is not the one in {run}.json, so it was changed; export the drive as another run."
         )
     rate, file_rate = mapped.sample_rate, history.sample_rate
     # The last sample of the drive may lie within a step of the file after the last one of the file.

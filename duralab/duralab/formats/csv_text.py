@@ -45,7 +45,9 @@ def read_csv(path: Path) -> Signals:
     except UnicodeDecodeError as error:
         raise FormatError(path, f"this is no UTF-8 text ({error.reason}).", offset=_undecodable(path)) from error
     except csv.Error as error:
-        raise FormatError(path, f"the header line is no CSV ({error}).", offset=0) from error
+        raise FormatError(
+            path, f"the header line is no CSV ({error}); correct its quotes and separators.", offset=0
+        ) from error
     except ValueError as error:
         line = _line(str(error))
         raise FormatError(

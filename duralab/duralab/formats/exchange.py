@@ -226,7 +226,7 @@ def _writer(form: str) -> Callable[..., Written]:
             raise FormatError(path, f"{name} raised {one_line(error)}; correct the plug-in.") from error
         if not isinstance(written, Written) or not path.is_file():
             raise FormatError(
-                path, f"{name} wrote no file or returned {type(written).__name__}; it must return Written"
+                path, f"{name} wrote no file or returned {type(written).__name__}; it must write it and return Written."
             )
         return written
 

@@ -62,7 +62,9 @@ def parsing(path: Path, expected: str) -> Iterator[WatchedFile]:
     try:
         stream = WatchedFile(path)
     except OSError as error:
-        raise FormatError(path, f"it cannot be read ({error.strerror or error}).") from error
+        raise FormatError(
+            path, f"it cannot be read ({error.strerror or error}); correct its rights, or give another file."
+        ) from error
     with stream, warnings.catch_warnings():
         # What a library finds remarkable is no business of who reads a file; what it cannot read is said below.
         warnings.simplefilter("ignore")
@@ -82,7 +84,9 @@ def require_room(path: Path, values: int) -> None:
     """Refuse a file that announces more numbers than memory is given to."""
     if values * 8 > LARGEST_BYTES:
         raise FormatError(
-            path, f"it announces {values} numbers; {LARGEST_BYTES // 8} at most are read. Cut it into pieces.", offset=0
+            path,
+            f"it announces {values} numbers; {LARGEST_BYTES // 8} at most are read, so cut it into pieces.",
+            offset=0,
         )
 
 

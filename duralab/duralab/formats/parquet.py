@@ -36,7 +36,7 @@ def read_parquet(path: Path) -> Signals:
                 values[row, filled : filled + len(column)] = column.to_numpy(zero_copy_only=False)
             filled += batch.num_rows
         if filled != rows:
-            raise FormatError(path, f"{rows} rows were announced; {filled} are there.")
+            raise FormatError(path, f"{rows} rows were announced, and {filled} are there; copy or save it again.")
         metadata = file.schema_arrow.metadata or {}
         attributes = {
             key.removeprefix(_OWN).decode(): text.decode() for key, text in metadata.items() if key.startswith(_OWN)

@@ -22,6 +22,7 @@ _EXPECTED: Final = "a TDMS measurement"
 def read_tdms(path: Path) -> Signals:
     """Read a TDMS measurement."""
     nptdms = require_library("nptdms", extra="tdms")
+    _silence()
     size = require_file(path)
     with parsing(path, _EXPECTED) as stream, nptdms.TdmsFile.open(stream) as file:
         found = [
@@ -30,19 +31,25 @@ def read_tdms(path: Path) -> Signals:
             for channel in group.channels()
             if channel.data_type is not None and np.dtype(channel.dtype).kind in "iuf"
         ]
+        announced = sum(len(channel) * np.dtype(channel.dtype).itemsize for channel in found)
+        if file.file_status.incomplete_final_segment or announced > size:
+            raise FormatError(path, "the file ends before its last sample; copy or save it again.", offset=size)
         steps = [(float(channel.properties.get(STEP, np.nan)), len(channel)) for channel in found]
         step = one_step(path, f"{len(found)} channels of numbers", steps, step_name=STEP)
-        announced = sum(len(channel) * np.dtype(channel.dtype).itemsize for channel in found)
-        if announced > size:
-            raise FormatError(
-                path, f"its channels announce {announced} bytes of samples; the file ends here.", offset=size
-            )
         units = [str(channel.properties.get(UNIT, "")) for channel in found]
         names = [channel.name for channel in found]
         samples = np.array([channel[:] for channel in found], dtype=np.float64)
         attributes = {str(key): str(value) for key, value in file.properties.items()}
     rate = rate_of_step(step, resolution=1e-9 * step)
     return signals_read(path, names, units, samples, sample_rate=rate, attributes=attributes)
+
+
+def _silence() -> None:
+    """Take away the handler by which npTDMS writes warnings about damaged files to standard error."""
+    from nptdms.log import log_manager
+
+    for logger in log_manager.loggers.values():
+        logger.removeHandler(log_manager.console_handler)
 
 
 def write_tdms(signals: Signals, path: Path) -> Written:

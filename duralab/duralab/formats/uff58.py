@@ -95,8 +95,13 @@ def write_frequency_response(response: FrequencyResponse, path: Path) -> None:
     InputError
         A number is not finite, the frequencies are not even, or a name does not fit.
     """
-    if not np.isfinite(response.frf).all() or response.frequency.size < 2:
-        raise InputError("The frequency response has lines that were not identified; cut them off to write UFF 58.")
+    unknown = response.frequency[~np.isfinite(response.frf).all(axis=(1, 2))]
+    if unknown.size or response.frequency.size < 2:
+        first = f", the first at {unknown[0]:g} Hz" if unknown.size else ""
+        raise InputError(
+            f"{unknown.size} of {response.frequency.size} lines of the frequency response were not identified{first}; "
+            "to write UFF 58, 2 lines or more are needed, all of them identified."
+        )
     step = float(response.frequency[-1] - response.frequency[0]) / (response.frequency.size - 1)
     grid = response.frequency[0] + step * np.arange(response.frequency.size)
     if not np.allclose(response.frequency, grid, rtol=0, atol=1e-6 * step):

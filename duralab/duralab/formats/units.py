@@ -58,7 +58,9 @@ def convert_units(signals: Signals, units: Mapping[str, str] | Iterable[str] = S
         unit = wanted.get(channel.name, channel.unit)
         if unit != channel.unit:
             factor, offset = unit_conversion(channel.unit, unit, channel.name)
-            samples[row] = samples[row] * factor + offset
+            # What becomes too large for a number is refused by whoever writes or edits it.
+            with np.errstate(over="ignore"):
+                samples[row] = samples[row] * factor + offset
             channels[row] = replace(
                 channel, unit=unit, minimum=channel.minimum * factor + offset,
                 maximum=channel.maximum * factor + offset, slew_limit=channel.slew_limit * factor,

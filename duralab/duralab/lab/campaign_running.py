@@ -15,7 +15,7 @@ from duralab.campaign import Campaign, PartialSettings, acceptance_message, comp
 from duralab.data import Rig
 from duralab.errors import CampaignFaultError, InputError, LabError, ServiceEndedError, ended
 from duralab.lab.campaign_result import CampaignResult
-from duralab.lab.client import FOREVER, Deadline, LabClient
+from duralab.lab.client import FOREVER, Deadline, LabClient, require_one
 from duralab.lab.fetching import Recovery, fetch_result
 from duralab.lab.progress import ENDED, POLL_SECONDS, OnProgress, progress_of
 from duralab.lab.recordings_folder import RecordingsPlace
@@ -104,8 +104,10 @@ def stop_campaign(
     ask: LabClient, id: str, *, reason: str, silence_seconds: float = SILENCE_SECONDS
 ) -> iterator_pb2.CampaignStatus:
     """Stop a campaign; raises FaultError where the iterator does not know it."""
+    key = ask.key("id", ask.bus.keys.campaign_stop, id)
+    require_one(key)
     return ask.bus.query(
-        ask.key("id", ask.bus.keys.campaign_stop, id),
+        key,
         iterator_pb2.StopCampaignRequest(reason=reason),
         iterator_pb2.CampaignStatus,
         silence_seconds=silence_seconds,
@@ -175,7 +177,10 @@ def specification_of(ask: LabClient, id: str) -> iterator_pb2.CampaignSpec:
     answer = ask.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
     first = answer.steps[0] if answer.steps else recorder_pb2.RecordedStep()
     if first.message_type != iterator_pb2.CampaignSpec.DESCRIPTOR.full_name:
-        raise LabError(f"The first step is a {first.message_type!r}; the recording is not that of a campaign.")
+        raise LabError(
+            f"The recording {id!r} is not that of a campaign: its first step is a {first.message_type!r}; give the id "
+            "of one."
+        )
     return iterator_pb2.CampaignSpec.FromString(first.payload)
 
 

@@ -93,6 +93,12 @@ def recordings_key(bus: Bus) -> str:
     return bus.keys.project_recordings(project) if project else bus.keys.recordings()
 
 
+def require_one(key: str) -> None:
+    """Refuse a key that stands for more than one: only one can be asked."""
+    if ANY in key:
+        raise InputError(f"The name {ANY!r} stands for all, which can only be watched; give the name of one.")
+
+
 class LabClient:
     """A session on the bus, as the SDK asks through it; `failure` returns the end of a service of this lab, or None."""
 
@@ -120,8 +126,7 @@ class LabClient:
         what: str = "The answer",
     ) -> MessageT:
         """Ask and wait for the answer; raises LabError, where the deadline is over one about `what`."""
-        if ANY in key:
-            raise InputError(f"The name {ANY!r} stands for all, which can only be watched; give the name of one.")
+        require_one(key)
         try:
             cancel = deadline if deadline.limited else None
             return self.bus.query(key, request, kind, on_progress=on_progress, cancel=cancel)

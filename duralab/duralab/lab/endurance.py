@@ -200,7 +200,8 @@ def _damage(planned: Signals, rig: Rig, exponent: float, *, event: str) -> np.nd
     damage = dict(zip(planned.names, channel_damage(planned.samples, exponents=[exponent])[:, 0], strict=True))
     if missing := [channel.name for channel in rig.responses if channel.name not in damage]:
         raise InputError(
-            f"The target of event {event} has no channel {', '.join(missing)}; it has {', '.join(damage)}.",
+            f"The target of event {event} has no channel {', '.join(missing)}; it has {', '.join(damage)}, so give one "
+            f"with all responses of rig {rig.name!r}.",
             field=f"events.{event}.target",
         )
     return np.array([damage[channel.name] for channel in rig.responses])
@@ -233,7 +234,9 @@ class EnduranceTest:
             answer = self._ask.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
             first = answer.steps[0] if answer.steps else recorder_pb2.RecordedStep()
             if first.message_type != sequencer_pb2.EnduranceSpec.DESCRIPTOR.full_name:
-                raise InputError(f"The recording {self.id!r} is not that of an endurance test.", field="id")
+                raise InputError(
+                    f"The recording {self.id!r} is not that of an endurance test; give the id of one.", field="id"
+                )
             self._rig = sequencer_pb2.EnduranceSpec.FromString(first.payload).rig
         return self._rig
 

@@ -16,7 +16,7 @@ from duralab.data import Rig, Signals
 from duralab.errors import InputError
 from duralab.lab.campaign_result import CampaignResult
 from duralab.lab.campaign_running import recording_file
-from duralab.lab.client import LabClient
+from duralab.lab.client import LabClient, require_one
 from duralab.lab.fetching import Part, fetch, wait_until_closed
 from duralab.lab.playing import read_drive_file
 from duralab.lab.recordings_folder import RecordingsPlace
@@ -70,6 +70,8 @@ def fill_known(
             id = recording.specification.id
             if place.file(id) is None:
                 place.copy_in(recording)
+        else:
+            require_one(ask.key("start_from.learn_from", ask.bus.keys.recording, id))
         known.learn_from.append(id)
 
 
@@ -160,7 +162,7 @@ def _recording(given: str, *, ask: LabClient, folder: Path, field: str) -> Itera
     if path is not None:
         yield open_recording(folder / path)
         return
-    ask.key(field, ask.bus.keys.recording, given)
+    require_one(ask.key(field, ask.bus.keys.recording, given))
     with TemporaryDirectory(prefix="duralab-") as temporary:
         first = Path(temporary) / "recording.mcap"
         try:

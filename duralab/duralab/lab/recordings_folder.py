@@ -60,8 +60,8 @@ class RecordingsPlace:
         id = recording.specification.id
         if self.folder is None:
             raise InputError(
-                f"The recorder of this lab keeps a folder that is not known here; resume {id!r} by that name, or "
-                f"resume {recording.path} in a private lab (`duralab.start`).",
+                f"{recording.path} cannot be copied to the recorder of this lab, whose folder is not known here; name "
+                f"{id!r} where the lab's catalogue lists it, or use a private lab (no --connect; `duralab.start`).",
                 field="id",
             )
         if self.file(id) is not None:

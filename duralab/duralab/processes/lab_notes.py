@@ -155,7 +155,9 @@ def end_lab(lab: RunningLab, *, timeout_seconds: float = END_SECONDS) -> None:
     except psutil.NoSuchProcess:
         return
     except psutil.AccessDenied as error:
-        raise LabError(f"The lab at {lab.endpoint} (process {lab.process_id}) belongs to another user.") from error
+        raise LabError(
+            f"The lab at {lab.endpoint} (process {lab.process_id}) belongs to another user, who has to end it."
+        ) from error
     except psutil.TimeoutExpired as error:
         if not lab.runs():
             return

@@ -92,7 +92,11 @@ class OperatorPage:
                 if probe.connect_ex((_HOST, self._port)) == 0:
                     return
             if (code := self._process.poll()) is not None:
-                raise InputError(f"The operator page ended at once ({describe_exit(code)}): {last_lines(self._log)}.")
+                said = last_lines(self._log).rstrip(".")
+                raise InputError(
+                    f"The operator page ended at once ({describe_exit(code)}): {said}; correct that, or leave "
+                    "--page out."
+                )
             if time.monotonic() > deadline:
                 raise LabError(f"The page did not start within {START_SECONDS:g} s: {last_lines(self._log)}.")
             time.sleep(_POLL_SECONDS)

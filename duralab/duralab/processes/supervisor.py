@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
+from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
 from typing import IO, Final, Self
@@ -248,8 +249,8 @@ def describe_exit(code: int) -> str:
 
 def last_lines(path: Path) -> str:
     """Return the last lines of a log in one line: JSON lines as their event and its error, no stack traces."""
-    found = [line.strip() for line in _tail(path).splitlines() if line.strip() and not _is_trace(line)][-LOG_LINES:]
-    return " / ".join(_readable(line) for line in found) or "none"
+    lines = [_readable(line.strip()) for line in _tail(path).splitlines() if line.strip() and not _is_trace(line)]
+    return " / ".join([line for line, _ in groupby(lines)][-LOG_LINES:]) or "none"
 
 
 def _tail(path: Path) -> str:

@@ -48,6 +48,8 @@ class Viewer:
             raise InputError(f"There is no file {str(file)!r}; give the path of a live.rrd{did_you_mean(file)}")
         program = viewer_program()
         self.native = has_display() if native is None else native
+        if not self.native and port == web_port != 0:
+            raise InputError(f"--port and --web-port are both {port}; give two different ports.", field="web_port")
         self._port = require_free_port(port, option="--port")
         self._web_port = self._port if self.native else require_free_port(web_port, option="--web-port")
         self._folder = Path(tempfile.mkdtemp(prefix="duralab-viewer-"))

@@ -194,5 +194,8 @@ class EnduranceRecording:
     def _first(self, kind: type[MessageT]) -> MessageT:
         message = next(self.messages(kind), None)
         if message is None:
-            raise InputError(f"The recording {self.path} holds no {kind.DESCRIPTOR.name}; it was broken off too early.")
+            raise InputError(
+                f"The recording {self.path} holds no {kind.DESCRIPTOR.name}; it was broken off too early, so give "
+                "another."
+            )
         return message

@@ -139,7 +139,9 @@ class Recording:
                     f"The recording {self.path} is that of an endurance test and holds no {what}; `duralab report` "
                     "shows it."
                 )
-            raise InputError(f"The recording {self.path} holds no {what}; it ended before one was committed.")
+            raise InputError(
+                f"The recording {self.path} holds no {what}; it ended before one was committed, so give another."
+            )
         return message
 
     @cached_property

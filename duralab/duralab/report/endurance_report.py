@@ -45,7 +45,9 @@ def write_endurance_report(source: str | Path | EnduranceRecording, path: str | 
 def _render(recording: EnduranceRecording) -> str:
     repeats = recording.repeats
     if not len(repeats):
-        raise InputError(f"The recording {recording.path} holds no repeat yet, so there is nothing to report.")
+        raise InputError(
+            f"The recording {recording.path} holds no repeat yet, so there is nothing to report; give one that has."
+        )
     planned, so_far = planned_total(recording), planned_so_far(recording)
     counted = np.nan_to_num(repeats.damage).sum(axis=0)
     drawn = _alarm_figures(recording)

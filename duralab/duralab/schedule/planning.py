@@ -217,6 +217,10 @@ def design_schedule(schedule: Schedule, *, recordings: Path | None = None) -> Sc
             f"The damage of {', '.join(unknown)} is not known; give a recording as the drive, or a target.",
             field=f"events.{unknown[0]}",
         )
+    if idle := [channel for channel in planned if not any((each or {}).get(channel) for each in damage.values())]:
+        raise InputError(
+            f"No event damages {', '.join(idle)}; leave it out of the plan, or add an event that does.", field="plan"
+        )
     given = schedule.events.values()
     try:
         found = design(
@@ -230,7 +234,8 @@ def design_schedule(schedule: Schedule, *, recordings: Path | None = None) -> Sc
         )
         designed = schedule.with_repeats(dict(zip(events, map(int, found.repeats), strict=True)))
     except ValueError as error:  # of the design, or of the schedule that it gives
-        raise InputError(str(error)) from error
+        sentence = str(error) if isinstance(error, ScheduleError) else f"The designed schedule {schedule.name} {error}"
+        raise InputError(sentence) from error
     return _with_forecast(designed, events, planned, notes)
 
 
@@ -272,7 +277,8 @@ def _planned_damage(
         damage = damage_of(target, float(schedule.monitoring.damage_exponent))
         if missing := [channel for channel in responses if channel not in damage]:
             raise InputError(
-                f"The target of plan.mix.{name} has no channel {', '.join(missing)}; it has {', '.join(damage)}.",
+                f"The target of plan.mix.{name} has no channel {', '.join(missing)}; it has {', '.join(damage)}; "
+                "give one with all responses.",
                 field=f"plan.mix.{name}",
             )
         for channel in responses:

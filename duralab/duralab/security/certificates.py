@@ -108,7 +108,11 @@ def load_certificate(path: Path) -> x509.Certificate:
             "make it with `duralab certs`."
         ) from error
     except ValueError as error:
-        raise InputError(f"{path} is not a certificate in PEM; make a new one with `duralab certs renew`.") from error
+        maker = "init" if path.stem == AUTHORITY else "issue"
+        raise InputError(
+            f"{path} is not a certificate in PEM; put back a copy of it, or remove it and its key and make both with "
+            f"`duralab certs {maker}`."
+        ) from error
 
 
 def expect_free(folder: Path, name: str) -> None:
@@ -275,10 +279,12 @@ def _authority(folder: Path) -> tuple[x509.Certificate, ec.EllipticCurvePrivateK
         key = serialization.load_pem_private_key(read_regular(path, largest=LARGEST_BYTES), password=None)
     except OSError as error:
         raise InputError(
-            f"The authority's key {path} cannot be read ({error.strerror}); certificates are issued where it is kept."
+            f"The authority's key {path} cannot be read ({error.strerror}); issue certificates where it is kept."
         ) from error
     except (ValueError, TypeError) as error:
-        raise InputError(f"{path} is not the authority's private key.") from error
+        raise InputError(
+            f"{path} is not a private key without a password; put back the one that `duralab certs init` made."
+        ) from error
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise InputError(f"{path} is not a key on an elliptic curve, as `duralab certs init` makes it.")
     return certificate, key

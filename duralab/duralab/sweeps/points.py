@@ -159,7 +159,9 @@ class PointMaker:
                 with open_regular(path) as stream:
                     self._hashes[path] = hashlib.file_digest(stream, "sha256").hexdigest()
             except OSError as error:
-                raise InputError(f"{place}: the target's file {path} cannot be read: {error.strerror}.") from error
+                raise InputError(
+                    f"{place}: the target's file {path} cannot be read: {error.strerror}; correct its path."
+                ) from error
         return self._hashes[path]
 
 

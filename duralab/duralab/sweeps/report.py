@@ -24,7 +24,10 @@ MOST_ROWS: Final = 500
 def write_report(results: SweepResults, path: str | Path) -> Path:
     """Write the report of a sweep; an existing file is replaced when the new one is complete."""
     if not results.rows:
-        raise InputError(f"No campaign of the sweep in {results.folder} has ended, so there is nothing to report.")
+        raise InputError(
+            f"No campaign of the sweep in {results.folder} has ended, so there is nothing to report; continue the "
+            "sweep."
+        )
     return write_page(path, lambda: render_report(results))
 
 

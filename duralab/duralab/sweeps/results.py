@@ -212,7 +212,12 @@ def read_results(folder: str | Path) -> SweepResults:
         keys, total, objective = tuple(about["keys"]), int(about["total"]), Objective(about["objective"])
         rows = tuple(table.to_pylist())
     except (OSError, pyarrow.ArrowException, KeyError, ValueError) as error:
-        raise InputError(f"{path} is not the result of a sweep ({error}).") from error
+        reason = (
+            "its metadata name no sweep" if isinstance(error, KeyError) else " ".join(str(error).split()).rstrip(".")
+        )
+        raise InputError(
+            f"{path} is not the result of a sweep ({reason}); give the folder of a sweep, e.g. out/sweeps/<name>."
+        ) from error
     return SweepResults(Path(folder), about["name"], about["text"], keys, total, objective, rows)
 
 

@@ -159,7 +159,10 @@ class Specimens:
             try:
                 document = parse_yaml(read_yaml_text(self._own[rig]))
             except (OSError, ValueError) as error:
-                raise InputError(f"specimens.{rig} cannot be read: {' '.join(str(error).split())}.") from error
+                reason = " ".join(str(error).split()).rstrip(".")
+                raise InputError(
+                    f"specimens.{rig} is {str(self._own[rig])!r}, which cannot be read: {reason}; correct the file."
+                ) from error
             if not isinstance(document, dict):
                 raise InputError(f"specimens.{rig} holds no keys; give the rig's YAML.")
             return document
@@ -173,7 +176,9 @@ class Specimens:
     ) -> tuple[tuple[str, ...], tuple[SpecimenText, ...]]:
         """Return which of some rigs are taken as they are shipped, and the texts of the others."""
         if idle := [rig for rig in changes if rig not in rigs]:
-            raise InputError(f"{SPECIMEN}.{idle[0]} is changed; the campaign's rigs are {', '.join(rigs)}.")
+            raise InputError(
+                f"{SPECIMEN}.{idle[0]} is changed; the campaign's rigs are {', '.join(rigs)}, so name one of them."
+            )
         made = tuple(self._text_once(rig, changes.get(rig, {})) for rig in rigs if rig in self._own or rig in changes)
         return tuple(rig for rig in rigs if rig not in self._own and rig not in changes), made
 
@@ -196,5 +201,7 @@ class Specimens:
             require_regular(beside)
             content = beside.read_text(encoding="utf-8") if bodies else ""
         except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"specimen {rig}: {bodies!r} belongs beside its YAML and cannot be read.") from error
+            raise InputError(
+                f"specimen {rig}: {bodies!r} belongs beside its YAML and cannot be read; save it there as UTF-8 text."
+            ) from error
         return SpecimenText(rig, dump_yaml(document), bodies, content)

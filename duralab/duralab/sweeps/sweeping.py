@@ -281,7 +281,8 @@ def forecast_sweep(
     folder = Path(out) if out is not None else default_folder(plan)
     if plan.search is not None:
         raise InputError(
-            f"Sweep {plan.name!r} is a search, which chooses its points as it runs; a forecast is made for a grid.",
+            f"Sweep {plan.name!r} is a search, which chooses its points as it runs; a forecast is made for a grid, so "
+            "leave it out.",
             field="search",
         )
     maker = PointMaker(plan)

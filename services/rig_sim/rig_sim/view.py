@@ -48,6 +48,7 @@ class Poses:
                 # Some 10 µs for each instant that is drawn either way, and a quarter of a second sooner ready.
                 lanes=False,
                 optimization=0,
+                shared=True,
             ),
         )
 

@@ -169,7 +169,11 @@ def run_router(
             while True:
                 time.sleep(_WATCH_SECONDS)
     except BusError as error:
-        raise InputError(str(error)) from error
+        sentence = str(error)
+        # What Zenoh says itself has neither a full stop nor a remedy.
+        if not sentence.endswith("."):
+            sentence = f"{sentence}; give a --host of this machine, or another --port."
+        raise InputError(sentence) from error
 
 
 def refusals(

@@ -236,7 +236,7 @@ def write_frf(model: Model, path: Path, *, replace: bool) -> None:
     # Lines without excitation hold NaN; those at both ends are cut off, one in between is an error.
     known = np.flatnonzero(np.isfinite(model.frf).all(axis=(1, 2)))
     if known.size == 0:
-        raise InputError(f"{path} is not written: the model holds no line that was identified.")
+        raise InputError(f"{path} is not written: the model holds no line that was identified; identify again.")
     lines = slice(int(known[0]), int(known[-1]) + 1)
     response = FrequencyResponse(model.drives, model.responses, model.frequency[lines], model.frf[lines])
     require_outputs([path], replace=replace)

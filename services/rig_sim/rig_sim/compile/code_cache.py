@@ -14,6 +14,7 @@ import stat
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from functools import cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, TypeVar
@@ -22,12 +23,13 @@ import structlog
 from llvmlite import binding as llvm
 
 from rig_sim.compile.compiled_model import CompiledModel, CompiledModule, compile_module, link_module
+from rig_sim.compile.constants import ConstantTable, with_constants
 
 FOLDER_VARIABLE: Final = "DURALAB_CODE_CACHE"
 """Names another folder for the code; `off` keeps none."""
 
-MOST_FILES: Final = 128
-"""Of more, those that were not used for longest are deleted; a rig has two, of 300 kB in all."""
+MOST_FILES: Final = 256
+"""Of more, those that were not used for longest are deleted; a rig has two, of 300 kB, and a structure too."""
 
 _SUFFIX: Final = ".code"
 _COMPILERS: Final = ("llvmlite", "numpy", "drake")
@@ -40,6 +42,31 @@ def cached_model(key: str, compile_it: Callable[[], CompiledModel]) -> CompiledM
     written is logged, and the model is compiled.
     """
     return _kept(key, compile_it, link=_linked, describe=_described)
+
+
+def shared_model(said: str, table: ConstantTable, compile_it: Callable[[], CompiledModel]) -> CompiledModel:
+    """Return a model by the code of any model of its structure, with its own constants.
+
+    `said`: What decides the code beside the table's structure and the sources of this package. Where there is no code
+    yet, the model is compiled; code that holds a number computed from its constants is not kept for others.
+    """
+
+    def linked(code: bytes, described: dict[str, Any]) -> CompiledModel:
+        return _linked(with_constants(code, table.content(described["constants"])), described)
+
+    return _kept(
+        f"structure {table.structure} {said} {_generator()}",
+        compile_it,
+        link=linked,
+        describe=lambda model: _described(model) | {"constants": table.slots} if table.complete else None,
+    )
+
+
+@cache
+def _generator() -> str:
+    """Return the SHA-256 of the sources of this package, which write the code."""
+    sources = sorted(Path(__file__).parent.glob("*.py"))
+    return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 
 def cached_module(text: str) -> CompiledModule:
@@ -55,8 +82,9 @@ def _kept(
     make: Callable[[], _Made],
     *,
     link: Callable[[bytes, dict[str, Any]], _Made],
-    describe: Callable[[_Made], dict[str, Any]],
+    describe: Callable[[_Made], dict[str, Any] | None],
 ) -> _Made:
+    """Return what a file of a key holds, or what is made now and kept, unless there is no description of it."""
     folder = _folder()
     if folder is None:
         return make()
@@ -65,7 +93,8 @@ def _kept(
     if found is not None:
         return found
     made = make()
-    _write(path, made.code, describe(made))
+    if (described := describe(made)) is not None:
+        _write(path, made.code, described)
     return made
 
 

@@ -9,11 +9,11 @@ given up is the sign of a zero; an angle beyond 2^50 rad, whose last digit is a 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from fractions import Fraction
 
 from rig_sim.compile.operations import Operation
-from rig_sim.compile.tracing import Expression, Graph, TracedModel, rebuilt
+from rig_sim.compile.tracing import Expression, Graph, TracedModel, creation_order, rebuilt
 
 #: pi/2 and ln 2 to more digits than a double has (Abramowitz and Stegun, table 1.1).
 _HALF_PI = Fraction("1.5707963267948966192313216916397514420985846996875529104874722961539")
@@ -168,3 +168,12 @@ _EXPANSIONS: dict[Operation, Callable[..., Expression]] = {
     Operation.ATAN2: _angle_of_point,
     Operation.ASIN: _inverse_sine,
 }
+
+
+def numbers_written_out() -> Iterator[float]:
+    """Return the magnitudes of the constants that functions are written out with."""
+    graph = Graph()
+    x, y = graph.input("x"), graph.input("y")
+    functions = [graph.apply(function, *((x, y) if function is Operation.ATAN2 else (x,))) for function in _EXPANSIONS]
+    written = expanded(TracedModel((x, y), (), tuple(functions), ()))
+    return (abs(node.value) for node in creation_order(written.derivative) if node.value is not None)

@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
+from rig_sim.compile.constants import ConstantTable, load_text
 from rig_sim.compile.llvm_text import PAIR, SCALAR, declarations, literal, operation_lines
 from rig_sim.compile.operations import COMMUTATIVE, LEAVES, Operation
 from rig_sim.compile.symmetry import Mirror, find_mirrors
@@ -265,9 +266,9 @@ class LaneFunction:
     singles: tuple[tuple[tuple[int, Expression], ...], ...]
 
 
-def lane_function_text(function: LaneFunction, *, contract: bool) -> str:
+def lane_function_text(function: LaneFunction, *, contract: bool, table: ConstantTable) -> str:
     """Write one function."""
-    writer = _Writer(function, " contract" if contract else "")
+    writer = _Writer(function, " contract" if contract else "", table)
     for item in function.plan.order():
         if isinstance(item, tuple):
             writer.vector(item)
@@ -287,7 +288,8 @@ def lane_function_text(function: LaneFunction, *, contract: bool) -> str:
 class _Writer:
     """The lines of one function so far."""
 
-    def __init__(self, function: LaneFunction, flags: str) -> None:
+    def __init__(self, function: LaneFunction, flags: str, table: ConstantTable) -> None:
+        self._table = table
         self._plan = function.plan
         self._places = function.places
         self._flags = flags
@@ -301,7 +303,7 @@ class _Writer:
     def number(self, expression: Expression) -> str:
         """Return a single number: a constant, an input, computed, or a lane of a vector."""
         if expression.value is not None:
-            return literal(expression.value)
+            return self._constants([expression.value])
         index = expression.index
         if expression.operation is Operation.INPUT:
             return self._once(index, lambda name: self._load(expression, name, SCALAR))
@@ -373,7 +375,7 @@ class _Writer:
         """Return a vector without the signs it leaves to its users."""
         vector = self._plan.vectors[key]
         if vector.form is Form.CONSTANTS:
-            return _constants([float(expression) for expression in vector.expressions])
+            return self._constants([float(expression) for expression in vector.expressions])
         return self._made[key]
 
     def _signed(self, key: Key, factor: Signs) -> str:
@@ -385,15 +387,27 @@ class _Writer:
             return self._bare(key)
         vector = self._plan.vectors[key]
         if vector.form is Form.CONSTANTS:
-            return _constants([sign * float(number) for sign, number in zip(signs, vector.expressions, strict=True)])
+            return self._constants(
+                [sign * float(number) for sign, number in zip(signs, vector.expressions, strict=True)]
+            )
         bare = self._bare(key)
         if signs == (-1.0, -1.0):
             return self._once(("turned", key, signs), lambda name: [f"{name} = fneg {_VECTOR} {bare}"])
         # The product is exact, and becomes one operation with the sum it goes into.
+        factors = self._constants(signs)
         return self._once(
-            ("turned", key, signs),
-            lambda name: [f"{name} = fmul{self._flags} {_VECTOR} {bare}, {_constants(signs)}"],
+            ("turned", key, signs), lambda name: [f"{name} = fmul{self._flags} {_VECTOR} {bare}, {factors}"]
         )
+
+    def _constants(self, values: Sequence[float]) -> str:
+        """Return one constant, or two as a vector: read from the table, or written where they stand."""
+        place = self._table.place(values)
+        if place is not None:
+            kind = SCALAR if len(values) == 1 else _VECTOR
+            return self._once(("constants", place), lambda name: [load_text(name, kind, place)])
+        if len(values) == 1:
+            return literal(values[0])
+        return f"<{', '.join(f'{SCALAR} {literal(value)}' for value in values)}>"
 
     def _load(self, leaf: Expression, name: str, kind: str) -> list[str]:
         array, position = self._places[leaf.index]
@@ -410,14 +424,10 @@ class _Writer:
         return self._made[what]
 
 
-def _constants(values: Sequence[float]) -> str:
-    return f"<{', '.join(f'{SCALAR} {literal(value)}' for value in values)}>"
-
-
 Pair = tuple[int, int]
 
 
-def lane_texts(traced: TracedModel, *, contract: bool) -> tuple[str, tuple[int, ...]] | None:
+def lane_texts(traced: TracedModel, *, contract: bool, table: ConstantTable) -> tuple[str, tuple[int, ...]] | None:
     """Return the model in two lanes, and which of its states is at each place of the arrays: pairs side by side first.
 
     None where no mirror is found with which that saves operations.
@@ -431,7 +441,9 @@ def lane_texts(traced: TracedModel, *, contract: bool) -> tuple[str, tuple[int, 
             continue
         observe = _function("observe", traced, mirror, pairs=pairs, order=order)
         try:
-            functions = [lane_function_text(function, contract=contract) for function in (derivative, observe)]
+            functions = [
+                lane_function_text(function, contract=contract, table=table) for function in (derivative, observe)
+            ]
         except ValueError:
             continue  # vectors that need each other: as good as no mirror
         return "\n".join([declarations(PAIR), *functions]), order

@@ -7,6 +7,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rig_sim.compile.constants import ConstantTable, load_text
 from rig_sim.compile.operations import LEAVES, Operation
 from rig_sim.compile.tracing import Expression, creation_order
 
@@ -81,10 +82,12 @@ def function_text(
     *,
     contract: bool,
     kind: Kind = DOUBLE,
+    table: ConstantTable | None = None,
 ) -> str:
     """Write a function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``.
 
-    Of another kind than single doubles every place of an array holds a vector of it.
+    Of another kind than single doubles every place of an array holds a vector of it. Single constants are read from a
+    table where one is given.
     """
     flags, numbers = " contract" if contract else "", kind.numbers
     places = {
@@ -99,10 +102,20 @@ def function_text(
             stores.setdefault(expression.index, []).append((array, position))
     lines: list[str] = []
     loaded: set[int] = set()
+    read: set[int] = set()
+
+    def constant(value: float) -> str:
+        place = None if table is None else table.place((value,))
+        if place is None:
+            return kind.constant(literal(value))
+        if place not in read:
+            read.add(place)
+            lines.append(load_text(f"%c{place}", numbers, place))
+        return f"%c{place}"
 
     def operand(expression: Expression) -> str:
         if expression.value is not None:
-            return kind.constant(literal(expression.value))
+            return constant(expression.value)
         if expression.operation is Operation.INPUT and expression.index not in loaded:
             if expression.index not in places:
                 raise ValueError(f"The input {expression.name!r} is in no argument of {name}; add it to one.")

@@ -5,7 +5,9 @@ from typing import Any
 
 import numpy as np
 
+from rig_sim.compile.code_cache import shared_model
 from rig_sim.compile.compiled_model import CompiledModel, compile_module
+from rig_sim.compile.constants import ConstantTable
 from rig_sim.compile.expansion import expanded
 from rig_sim.compile.integrate import play_text
 from rig_sim.compile.lanes import lane_texts
@@ -54,43 +56,49 @@ def compile_model(
     contract: bool = True,
     lanes: bool = True,
     optimization: int = 2,
+    shared: bool = False,
 ) -> CompiledModel:
     """Compile a model, see :func:`trace_model`; outputs are called ``output_0``, … by default.
 
     `contract` says whether products and sums may be fused into one operation with one rounding: faster, and as exact.
     `lanes` says whether two sides that mirror each other may be computed as lanes of vectors, where that saves
-    operations. `optimization` is 0 to 3, as a compiler's -O. Raises `ValueError` when names and results do not fit
-    together.
+    operations. `optimization` is 0 to 3, as a compiler's -O. `shared` keeps the code on disk for all
+    models that differ in the values of their constants alone, and takes it from there. Raises `ValueError` when names
+    and results do not fit together.
     """
-    traced = expanded(trace_model(function, state_names=state_names, input_names=input_names))
+    traced = trace_model(function, state_names=state_names, input_names=input_names)
     names = (
         tuple(output_names) if output_names is not None else tuple(f"output_{i}" for i in range(len(traced.outputs)))
     )
     if len(names) != len(traced.outputs):
         raise ValueError(f"The model returns {len(traced.outputs)} outputs for {len(names)} names; name each of them.")
-    paired = lane_texts(traced, contract=contract) if lanes else None
-    functions, order = paired or (_scalar_text(traced, contract=contract), None)
-    text = "\n".join(
-        [
-            declarations(),
-            functions,
-            play_text(states=len(traced.state), inputs=len(traced.inputs), outputs=len(traced.outputs)),
-        ]
-    )
-    return CompiledModel(
-        compile_module(text, optimization=optimization),
-        state_names=tuple(state_names),
-        input_names=tuple(input_names),
-        output_names=names,
-        operation_count=sum(node.operation not in LEAVES for node in creation_order(traced.derivative)),
-        state_order=order,
-    )
+    table = ConstantTable(traced)
+
+    def compiled() -> CompiledModel:
+        written = expanded(traced)
+        paired = lane_texts(written, contract=contract, table=table) if lanes else None
+        functions, order = paired or (_scalar_text(written, contract=contract, table=table), None)
+        loop = play_text(states=len(traced.state), inputs=len(traced.inputs), outputs=len(traced.outputs))
+        text = "\n".join([declarations(), table.text(), functions, loop])
+        return CompiledModel(
+            compile_module(text, optimization=optimization),
+            state_names=tuple(state_names),
+            input_names=tuple(input_names),
+            output_names=names,
+            operation_count=sum(node.operation not in LEAVES for node in creation_order(written.derivative)),
+            state_order=order,
+        )
+
+    if not shared:
+        return compiled()
+    return shared_model(f"{names} {contract} {lanes} {optimization}", table, compiled)
 
 
-def _scalar_text(traced: TracedModel, *, contract: bool) -> str:
+def _scalar_text(traced: TracedModel, *, contract: bool, table: ConstantTable) -> str:
     arguments, rates = (traced.state, traced.inputs), traced.derivative
-    derivative = function_text("derivative", arguments, (rates,), contract=contract)
-    return "\n".join([derivative, function_text("observe", arguments, (rates, traced.outputs), contract=contract)])
+    derivative = function_text("derivative", arguments, (rates,), contract=contract, table=table)
+    observe = function_text("observe", arguments, (rates, traced.outputs), contract=contract, table=table)
+    return "\n".join([derivative, observe])
 
 
 def _objects(expressions: tuple[Expression, ...]) -> np.ndarray:

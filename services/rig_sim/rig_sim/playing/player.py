@@ -331,7 +331,11 @@ def load_rig(
     compiled = cached_model(
         key,
         lambda: compile_model(
-            model.traced, state_names=model.state_names, input_names=model.input_names, output_names=model.output_names
+            model.traced,
+            state_names=model.state_names,
+            input_names=model.input_names,
+            output_names=model.output_names,
+            shared=True,
         ),
     )
     # Also of code that was compiled before: what is on a disk may be anything.
