@@ -104,18 +104,9 @@ def function_text(
     loaded: set[int] = set()
     read: set[int] = set()
 
-    def constant(value: float) -> str:
-        place = None if table is None else table.place((value,))
-        if place is None:
-            return kind.constant(literal(value))
-        if place not in read:
-            read.add(place)
-            lines.append(load_text(f"%c{place}", numbers, place))
-        return f"%c{place}"
-
     def operand(expression: Expression) -> str:
         if expression.value is not None:
-            return constant(expression.value)
+            return _constant(expression.value, kind, table, read=read, lines=lines)
         if expression.operation is Operation.INPUT and expression.index not in loaded:
             if expression.index not in places:
                 raise ValueError(f"The input {expression.name!r} is in no argument of {name}; add it to one.")
@@ -153,6 +144,17 @@ def function_text(
     # noinline: the loop that calls it four times must not hold four copies of it
     head = f"define void @{name}({', '.join(parameters)}) noinline nounwind{kind.attributes} {{"
     return "\n".join([head, *lines, "ret void", "}"])
+
+
+def _constant(value: float, kind: Kind, table: ConstantTable | None, *, read: set[int], lines: list[str]) -> str:
+    """Return a constant as it is written, or as it is read from the table once in a function."""
+    place = None if table is None else table.place((value,))
+    if place is None:
+        return kind.constant(literal(value))
+    if place not in read:
+        read.add(place)
+        lines.append(load_text(f"%c{place}", kind.numbers, place))
+    return f"%c{place}"
 
 
 def operation_lines(
