@@ -1,5 +1,7 @@
 """Error sentences of recordings, reports, sweeps and processes that no command provokes by a mistake in its files."""
 
+import os
+import signal
 import socket
 import subprocess
 import sys
@@ -14,7 +16,17 @@ import synthetic_endurance
 
 import duralab
 from duralab.errors import InputError, LabError
-from duralab.processes import OperatorPage, ServicePlan, Supervisor, Viewer, end_lab, findings_of, page, viewer
+from duralab.processes import (
+    OperatorPage,
+    ServicePlan,
+    Supervisor,
+    Viewer,
+    end_lab,
+    findings_of,
+    page,
+    service_process,
+    viewer,
+)
 from duralab.processes.lab_notes import RunningLab
 from duralab.processes.supervisor import last_lines, require_services
 from duralab.processes.viewer import require_free_port, viewer_program
@@ -232,3 +244,15 @@ def test_a_lab_of_another_user_is_not_ended(monkeypatch):
     monkeypatch.setattr(psutil.Process, "terminate", fail(psutil.AccessDenied(process.pid)))
     with pytest.raises(LabError, match=rf"\(process {process.pid}\) belongs to another user, who has to end it\.$"):
         end_lab(lab)
+
+
+def test_a_process_that_forks_no_service_in_time_is_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(service_process, "_START_SECONDS", 0.1)
+    server = service_process._ForkServer(dict(os.environ))
+    os.kill(server._process.pid, signal.SIGSTOP)
+    try:
+        with pytest.raises(LabError, match=r"^No service was forked in 0\.1 s; free processor time and start again\.$"):
+            server.start("recorder", config=tmp_path / "recorder.yaml", log=tmp_path / "log")
+    finally:
+        server._process.kill()
+        server._process.wait()

@@ -9,10 +9,13 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Final
 
+import yaml
+
 from duralab import errors
 from duralab.formats import FormatError
+from duralab_settings import Section
 
-from .provoking import COMMANDS, ROOT, Provocation, Provoked, needs_lab, provocations, provoke
+from .provoking import COMMANDS, HERE, ROOT, Provocation, Provoked, needs_lab, provocations, provoke
 from .shared_files import SharedFiles
 from .shared_lab import shared_lab
 
@@ -56,20 +59,37 @@ def _cell(text: str) -> str:
     return " ".join(text.split()).replace("|", "\\|")
 
 
-def places() -> int:
-    """Return how many places of the SDK raise an error that ends a command with a sentence."""
-    found = 0
-    for path in (ROOT / "duralab/duralab").rglob("*.py"):
-        if "testing" not in path.parts:
-            nodes = ast.walk(ast.parse(path.read_text(encoding="utf-8")))
-            raised = [node.exc.func for node in nodes if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call)]
-            found += sum(ast.unparse(name) in _ERRORS for name in raised)
+class Elsewhere(Section):
+    """A place that no mistake reaches: a piece of its source, why, and the test that reaches it."""
+
+    source: str
+    why: str
+    test: str
+
+
+def places() -> dict[tuple[str, range], str]:
+    """Return the places of the SDK that raise an error which ends a command: file, lines and source."""
+    found = {}
+    for path in sorted((ROOT / "duralab/duralab").rglob("*.py")):
+        if "testing" in path.parts:
+            continue
+        text = path.read_text(encoding="utf-8")
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call) and ast.unparse(node.exc.func) in _ERRORS:
+                lines = range(node.lineno, (node.end_lineno or node.lineno) + 1)
+                source = "\n".join(text.splitlines()[lines.start - 1 : lines.stop - 1])
+                found[path.relative_to(ROOT).as_posix(), lines] = source
     return found
 
 
-def main() -> int:
-    """Write the page, and print how many of the sentences in the source were provoked."""
-    raised: set[tuple[str, int]] = set()
+def elsewhere() -> dict[str, list[Elsewhere]]:
+    """Return the places that unit tests reach, by file."""
+    table = yaml.safe_load((HERE / "by_unit_tests.yaml").read_text(encoding="utf-8"))
+    return {path: [Elsewhere.model_validate(one) for one in entries] for path, entries in table.items()}
+
+
+def all_said() -> list[tuple[Provocation, Provoked]]:
+    """Make every mistake, at a lab where it needs one."""
     with (
         tempfile.TemporaryDirectory(prefix="duralab-errors-") as scratch,
         shared_lab(Path(scratch) / "lab") as endpoint,
@@ -80,11 +100,17 @@ def main() -> int:
             folder = Path(scratch, str(number))
             folder.mkdir()
             said.append((one, provoke(one, folder, shared=shared, endpoint=endpoint if needs_lab(one) else None)))
-            raised |= said[-1][1].raised_at
+    return said
+
+
+def main() -> int:
+    """Write the page, and print how many of the sentences in the source were provoked."""
+    said = all_said()
     PAGE.write_text(page(said), encoding="utf-8")
+    raised = {place for _, answer in said for place in answer.raised_at}
     in_sdk = sum(path.startswith("duralab/duralab/") for path, _ in raised)
-    elsewhere = len(raised) - in_sdk
-    sys.stdout.write(f"{len(said)} mistakes: {in_sdk} of {places()} places of the SDK, {elsewhere} of the libraries.\n")
+    counts = f"{in_sdk} of {len(places())} places of the SDK, {len(raised) - in_sdk} of the libraries"
+    sys.stdout.write(f"{len(said)} mistakes: {counts}.\n")
     return 0
 
 

@@ -80,10 +80,10 @@ class Provoked:
 
 
 def provocations() -> list[Provocation]:
-    """Return all mistakes of the tables beside this file, in the order of the commands."""
+    """Return all mistakes of the tables, in the order of the commands."""
     found = [
         Provocation.model_validate(entry)
-        for path in sorted(HERE.glob("*.yaml"))
+        for path in sorted((HERE / "mistakes").glob("*.yaml"))
         for entry in yaml.safe_load(path.read_text(encoding="utf-8"))
     ]
     order = ["", *COMMANDS]

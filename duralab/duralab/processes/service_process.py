@@ -143,6 +143,9 @@ if sys.platform == "linux":
                 except OSError as error:
                     os.close(writing)
                     raise self._lost() from error
+                except LabError:
+                    os.close(writing)
+                    raise
                 finally:
                     os.close(reading)
             if "error" in answer:
