@@ -30,7 +30,7 @@ from recording import measure_recorder
 from report import measure_report
 from speed import drake_real_time_factor, real_time_factor, real_time_factor_of_two, relative_error
 from startup import measure_lab, measure_startup
-from sweep import measure_sweep
+from sweep import TOLERANCES, measure_sweep
 
 from rig_sim import Rig, load_any_rig, shipped_specimens
 
@@ -107,6 +107,8 @@ def _others(scratch: Path) -> dict[str, Callable[[], object]]:
         "bus": lambda: _in_a_process_of_its_own("bus.py"),
         "campaign": measure_campaign,
         "sweep": measure_sweep,
+        # Of a thousand; all of them are measured by benchmarks/sweep.py alone.
+        "tolerances": lambda: measure_sweep(sweep=TOLERANCES, campaigns=40, turns=1),
     }
 
 

@@ -167,7 +167,13 @@ GOALS: dict[str, tuple[Goal, ...]] = {
             "the same where the rig plays in real time, %", "campaign", "bus_and_disk_share_at_real_time", bound=10.0
         ),
     ),
-    "Sweeps": (_least("two cores over twice one core, a sweep", "sweep", "efficiency_steady", bound=0.85),),
+    "Sweeps": (
+        _least("two cores over twice one core, a sweep of seeds", "sweep", "efficiency_steady", bound=0.85),
+        _least(
+            "the same of tolerances, each campaign with another specimen", "tolerances", "efficiency_steady", bound=0.9
+        ),
+        _fact("campaigns of tolerances a minute on two cores", "tolerances", "campaigns_per_minute"),
+    ),
 }
 
 _IDENTIFICATION_NOTE = """

@@ -163,6 +163,7 @@ def test_the_shipped_sweeps_have_points_that_are_allowed():
         plan = load_sweep(name)
         assert len(points(plan)) == grid_size(plan)
     assert grid_size(load_sweep("fifty_gains_and_seeds")) == 50
+    assert grid_size(load_sweep("thousand_tolerances")) == 1000
 
 
 def test_the_sweeps_of_the_guide_are_allowed(tmp_path):

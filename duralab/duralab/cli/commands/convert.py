@@ -79,7 +79,11 @@ def _resampled(signals: Signals, rate: float | None) -> Signals:
         raise InputError(f"--rate is {rate:g}; give a sample rate above 0, in hertz.", field="rate")
     from duralab.target import edit_signals
 
-    return edit_signals(signals, [{"resample": {"rate": rate}}]).signals
+    try:
+        return edit_signals(signals, [{"resample": {"rate": rate}}]).signals
+    except InputError as error:
+        # There is no campaign file whose place could be named.
+        raise InputError(f"--rate is {rate:g}: {str(error).removeprefix(f'{error.field}: ')}", field="rate") from error
 
 
 def say_written(

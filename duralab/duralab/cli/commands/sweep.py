@@ -33,7 +33,7 @@ def sweep(
         str | None,
         typer.Argument(
             metavar="SWEEP",
-            help="A sweep file, or a shipped one: fifty_gains_and_seeds.",
+            help="A sweep file, or a shipped one, such as fifty_gains_and_seeds.",
             show_default=False,
             autocompletion=complete_sweep,
         ),
