@@ -31,6 +31,7 @@ from duralab_bus import (
     FaultError,
     configure_logs,
     host_services,
+    keep_few_arenas,
     log_stacks_on_signal,
     open_bus,
 )
@@ -40,6 +41,9 @@ HOSTED_WORKERS: Final = 16
 
 LIVE_SECONDS: Final = 30.0
 """Longest time until services that stand know of each other."""
+
+KEPT_BYTES: Final = 128 * 2**20
+"""Of memory that a campaign freed and the next one needs."""
 
 LARGEST_CELL_BYTES: Final = 2 * 2**30
 """Of the recordings that a cell holds beside those that were fetched, before it is made again."""
@@ -207,6 +211,7 @@ def prepare_worker(folder: Path) -> None:
             "(--out) that all workers share."
         ) from error
     configure_logs("cell", stream=stream)
+    keep_few_arenas(2, kept_bytes=KEPT_BYTES)
     # Where Dask keeps its workers as threads of another process, that one is not ours to change.
     if threading.current_thread() is threading.main_thread():
         log_stacks_on_signal()

@@ -1,3 +1,4 @@
+import os
 import platform
 import subprocess
 import sys
@@ -38,6 +39,32 @@ def heaps(most):
 def test_threads_share_the_heaps_that_are_asked_for():
     assert heaps(0) > 3
     assert heaps(2) == 2
+
+
+# Arrays of 1 MiB come and go; the system counts the pages that it gave.
+FAULTS = """
+import resource, sys
+from duralab_bus import keep_few_arenas
+if sys.argv[1] == "kept":
+    assert keep_few_arenas(2, kept_bytes=2**24)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(200):
+    bytearray(2**20)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="only the GNU C library has these bounds")
+def test_freed_memory_is_kept_also_where_the_environment_has_it_returned():
+    environment = {**os.environ, "MALLOC_TRIM_THRESHOLD_": "65536"}
+
+    def faults(kept):
+        command = [sys.executable, "-c", FAULTS, kept]
+        done = subprocess.run(command, check=True, capture_output=True, text=True, env=environment)
+        return int(done.stdout)
+
+    assert faults("returned") > 100 * 256
+    assert faults("kept") < 10 * 256
 
 
 def test_no_heap_at_all_is_refused():

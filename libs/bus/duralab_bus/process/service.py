@@ -254,10 +254,13 @@ class _StopSignal:
 
 
 # Of mallopt, from malloc.h of the GNU C library.
+_M_TRIM_THRESHOLD: Final = -1
+_M_MMAP_THRESHOLD: Final = -3
 _M_ARENA_MAX: Final = -8
+_LARGEST_IN_A_HEAP: Final = 32 * 2**20  # the most that the GNU C library allows
 
 
-def keep_few_arenas(count: int) -> bool:
+def keep_few_arenas(count: int, *, kept_bytes: int | None = None) -> bool:
     """Have all threads that begin from now on share so many heaps.
 
     The GNU C library gives threads up to eight heaps a core. A service that begins a thread for each piece of work,
@@ -267,6 +270,10 @@ def keep_few_arenas(count: int) -> bool:
     ----------
     count : int
         1 or more.
+    kept_bytes : int, optional
+        Freed memory that a heap keeps for what comes next; then arrays of up to 32 MiB are taken from heaps. Where
+        something, such as Dask, has set MALLOC_TRIM_THRESHOLD_ in the environment, each array is otherwise got from
+        the system page by page and returned at once: a fifth of a campaign's processor time.
 
     Returns
     -------
@@ -281,4 +288,9 @@ def keep_few_arenas(count: int) -> bool:
     if count < 1:
         raise ValueError(f"{count} heaps are asked for; a process has 1 or more.")
     mallopt = None if sys.platform == "win32" else getattr(ctypes.CDLL(None), "mallopt", None)
-    return mallopt is not None and mallopt(_M_ARENA_MAX, count) == 1
+    if mallopt is None:
+        return False
+    wanted = [(_M_ARENA_MAX, count)]
+    if kept_bytes is not None:
+        wanted += [(_M_MMAP_THRESHOLD, _LARGEST_IN_A_HEAP), (_M_TRIM_THRESHOLD, kept_bytes)]
+    return all(mallopt(option, value) == 1 for option, value in wanted)
