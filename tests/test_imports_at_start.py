@@ -17,6 +17,14 @@ def test_a_service_imports_nothing_slow_at_its_start(service):
     assert done.stdout.strip() == ""
 
 
+def test_what_makes_a_road_target_imports_nothing_slow():
+    """`duralab run` makes its target while the lab starts: the first iteration waits for it."""
+    program = "import sys, duralab_roads, duralab.target.making; "
+    program += f"print(*(name for name in {SLOW!r} if name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == ""
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="services are forked on Linux only")
 def test_no_service_starts_threads_as_it_is_imported():
     """A fork would lose them."""

@@ -104,8 +104,8 @@ def run(
                 out=folder,
                 viewer=address,
                 trace_folder=traces,
-                # For the target, which is made as soon as the lab stands.
-                needs_later=("scipy.signal",),
+                # Of some steps of the target's editor, which run as soon as the lab stands.
+                needs_later=("scipy.signal",) if plan.target.edit else (),
             )
         )
         if page:
