@@ -121,17 +121,20 @@ def test_compiled_code_that_differs_in_the_hydraulics_does_not_start(front_axle)
 
 
 def kept_files(names, folder):
-    """Load rigs and return the files of code that appear, in their order."""
+    """Load rigs and return their files of code in order, of each its model and the poses of its bodies."""
     files = []
     for name in names:
+        before = set(folder.iterdir()) if folder.exists() else set()
         load_any_rig(shipped_specimens()[name])
-        files += sorted(set(folder.iterdir()) - set(files), key=holds_poses)
+        own = [file for file in set(folder.iterdir()) - before if "constants" not in head(file)]
+        files += sorted(own, key=lambda file: head(file)["input_names"] == [])
     return files
 
 
-def holds_poses(file):
+def head(file):
+    """Return what a file says of its code; that of a structure has a table of constants."""
     with file.open("rb") as stream:
-        return json.loads(stream.readline())["input_names"] == []
+        return json.loads(stream.readline())
 
 
 def test_kept_poses_of_another_rig_are_refused(tmp_path, monkeypatch):
@@ -147,7 +150,6 @@ def test_kept_code_of_another_rig_does_not_play(tmp_path, monkeypatch):
     """The folder of kept code holds two rigs with the same names of states; their files are exchanged."""
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "code"))
     names = ("front_axle", "front_axle_compliant")
-    # Of each rig its model, then the poses of its bodies.
     files = kept_files(names, tmp_path / "code")[::2]
     contents = [file.read_bytes() for file in files]
     for file, content in zip(files, reversed(contents), strict=True):
@@ -155,3 +157,20 @@ def test_kept_code_of_another_rig_does_not_play(tmp_path, monkeypatch):
     for name in names:
         with pytest.raises(ProofError, match="must not play"):
             load_any_rig(shipped_specimens()[name])
+
+
+def test_code_of_a_structure_with_other_constants_does_not_play(tmp_path, monkeypatch):
+    """The shared code of a structure exchanges two constants of the model."""
+    folder = tmp_path / "code"
+    monkeypatch.setenv(FOLDER_VARIABLE, str(folder))
+    own, _ = kept_files(["front_axle"], folder)
+    (structure,) = (file for file in folder.iterdir() if "constants" in head(file) and head(file)["input_names"])
+    own.unlink()
+    described = head(structure)
+    places = [place for place, entry in enumerate(described["constants"]) if isinstance(entry[0], int)]
+    first, last = described["constants"][places[0]], described["constants"][places[-1]]
+    described["constants"][places[0]], described["constants"][places[-1]] = last, first
+    code = structure.read_bytes().partition(b"\n")[2]
+    structure.write_bytes(json.dumps(described).encode() + b"\n" + code)
+    with pytest.raises(ProofError, match="must not play"):
+        load_any_rig(shipped_specimens()["front_axle"])
