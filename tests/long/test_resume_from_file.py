@@ -136,6 +136,8 @@ def test_what_cannot_be_resumed_from_a_file_is_refused_before_a_lab_starts(first
     with (
         duralab.start(tmp_path / "standing") as standing,
         duralab.connect(standing.endpoints[0]) as other,
-        pytest.raises(duralab.InputError, match=r"name 'short' where the lab's catalogue lists it, or use a private lab"),
+        pytest.raises(
+            duralab.InputError, match=r"name 'short' where the lab's catalogue lists it, or use a private lab"
+        ),
     ):
         other.resume(given)

@@ -252,7 +252,8 @@ def _patch_filters(
     front = np.maximum(1 - np.abs(half - node), 0)
     # A convolution mirrors its kernel: the mean is even, the slope must be turned around.
     slope = (front - front[::-1])[::-1] / contact_length
-    return np.convolve(mean, low_pass), np.convolve(slope, low_pass)
+    mean_filter, slope_filter = (np.asarray(np.convolve(one, low_pass), dtype=np.float64) for one in (mean, slope))
+    return mean_filter, slope_filter
 
 
 def _hat_integral(upper: NDArray[np.float64]) -> NDArray[np.float64]:
