@@ -13,3 +13,18 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if LONG_FOLDERS.intersection(item.path.relative_to(ROOT).parent.parts):
             item.add_marker(pytest.mark.long)
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print what tests recorded as `printed`, also those of another process."""
+    lines = [
+        text
+        for report in terminalreporter.getreports("passed")
+        if report.when == "call"
+        for name, text in report.user_properties
+        if name == "printed"
+    ]
+    if lines:
+        terminalreporter.section("times of the tutorials")
+        for text in lines:
+            terminalreporter.write_line(text)

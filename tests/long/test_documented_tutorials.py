@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -13,9 +13,8 @@ from documented import pages_that_run, run_page
 @pytest.mark.timeout(900)
 @pytest.mark.parametrize("page", pages_that_run("docs/tutorials/"))
 def test_every_block_of_a_page_runs(
-    page: str, request: pytest.FixtureRequest, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    page: str, request: pytest.FixtureRequest, tmp_path: Path, record_property: Callable[[str, object], None]
 ):
     seconds = run_page(page, request, tmp_path)
-    with capsys.disabled():
-        lines = [f"{taken:6.1f} s  {' '.join(command.split())[:90]}" for command, taken in seconds.items()]
-        sys.stdout.write("\n".join(["", *lines, f"{sum(seconds.values()):6.1f} s  {page}, all commands", ""]))
+    lines = [f"{taken:6.1f} s  {' '.join(command.split())[:90]}" for command, taken in seconds.items()]
+    record_property("printed", "\n".join(["", *lines, f"{sum(seconds.values()):6.1f} s  {page}, all commands"]))
