@@ -1,4 +1,4 @@
-"""The bus as a service or a lab script uses it: joining, and everything a session can do."""
+"""The bus as a service or a lab script uses it: joining, and all operations of a session."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _STORING: Final = ("recorder", MAIN_INSTANCE)
 
 
 class LiveToken:
-    """Says that an instance of a service is there and answers for its health, until `close` or the process's end."""
+    """Liveliness token and health query of a service instance, until `close` or the end of the process."""
 
     def __init__(self, token: Declaration[Any], answering: Served, *, on_close: Callable[[LiveToken], None]) -> None:
         self._token = token
@@ -47,7 +47,7 @@ class LiveToken:
         self._closed = False
 
     def close(self) -> None:
-        """Say it no more."""
+        """Withdraw the token and stop the answers to health queries."""
         if not self._closed:
             self._closed = True
             self._token.undeclare()
@@ -56,7 +56,7 @@ class LiveToken:
 
 
 class Bus:
-    """One session on the bus; made by `open_bus`, closed by `close` or at the end of `with`. Safe for threads."""
+    """Session on the bus; made by `open_bus`, closed by `close` or at the end of `with`. Safe for threads."""
 
     def __init__(
         self,
@@ -72,23 +72,23 @@ class Bus:
         self.keys = Keys(config.lab)
         self.service = service
         self.listening = listening
-        """The endpoints others may connect to, with their actual ports."""
+        """Endpoints that others may connect to, with their actual ports."""
         self._session = BusSession(session, config)
         self._limit = config.largest_payload_bytes
         self._tracker = LivelinessTracker(self._session, self.keys)
         self._reintroduction = Reintroduction(config, self._tracker)
         self._permission = Permission(identity, self.keys)
         self.member = self._permission.member
-        """The member of the secured lab whose certificate this session shows; None without one."""
+        """Member of the secured lab that the session's certificate names; None without a certificate."""
         self._client = QueryClient(self._session, self.keys, self._tracker, largest_bytes=self._limit)
         self.metrics = Metrics()
-        """Metrics of this process: served to Prometheus, and in the answer to a health query."""
+        """Metrics of this process: served to Prometheus and in the answer to a health query."""
         self._server = QueryServer(
             self._session, self.keys, service=service, workers=workers, largest_bytes=self._limit, metrics=self.metrics
         )
         self._replays = ReplayServer(self._session)
         self._replay_client = ReplayClient(self._session, largest_bytes=self._limit)
-        # What is still open. Sets: adding and discarding are atomic, from whatever thread something is closed.
+        # Open objects. Sets: adding and discarding are atomic, on any thread that closes an object.
         self._tokens: set[LiveToken] = set()
         self._subscriptions: set[Subscription[Any]] = set()
         self._spaces: set[SpoolSpace] = set()
@@ -98,7 +98,7 @@ class Bus:
         self._closed = False
 
     def _follow_streams(self) -> Counter:
-        """Register the metrics of the streams; return the counter of what is published, by type."""
+        """Register the metrics of the streams; return the counter of published messages, by type."""
         for name, what, read in (
             (
                 "duralab_stream_unstored_messages",
@@ -138,15 +138,15 @@ class Bus:
         *,
         workers: int | None = None,
     ) -> Served:
-        """Answer the queries on a key expression; where two match a query, the more specific one answers.
+        """Answer the queries on a key expression; if two match a query, the more specific one answers.
 
-        The handler is called with (request, call) on a worker thread, once per query and never again; anything but a
-        `request_type` is refused before. It returns the response, or raises FaultError, or lets the ArrayError of the
-        request's arrays and the KeyNameError of a name pass (they become INVALID_ARGUMENT); anything else is logged and
-        becomes INTERNAL. While it runs, the client receives its progress once a second.
+        The handler is called with (request, call) on a worker thread, once per query; a message that is not a
+        `request_type` is refused before. It returns the response or raises FaultError. An ArrayError of the request's
+        arrays and a KeyNameError of a name become INVALID_ARGUMENT; any other exception is logged and becomes INTERNAL.
+        While it runs, the client receives its progress once a second.
 
-        A key has as many workers as the bus was opened with. Where `workers` are given, queries wait for one of them as
-        long as it takes and are never refused as BUSY: for what must be answered, such as a stop.
+        A key has as many workers as the bus was opened with. With `workers`, queries wait for a worker without limit
+        and are never refused as BUSY: for requests that must be answered, such as a stop.
         """
         self._permission.expect(Operation.SERVE, key_expression)
         return self._server.serve(key_expression, request_type, handler, workers=workers)
@@ -162,22 +162,22 @@ class Bus:
         on_progress: Callable[[query_pb2.Progress], None] | None = None,
         cancel: Cancel | None = None,
     ) -> MessageT:
-        """Ask a service and wait for its one answer; progress is reported on this thread.
+        """Send a query to a service and wait for its answer; progress is reported on this thread.
 
-        A service gives a sign of life every second; the wait ends after `silence_seconds` without one, once `cancel`
-        is set, such as a `threading.Event`, or after `longest_seconds`, also while it gives signs: the service is
-        notified, but may still finish. Where no longest time is given, it is a minute for a read from memory, 6 h for
-        another read, 30 days for a change or a stop (`duralab_proto.access.longest_seconds_of`). Zenoh holds 0.8 kB of
-        a query until that time is over: give a short one to a change that is asked often.
+        A service gives a sign of life every second. The wait ends after `silence_seconds` without one, when `cancel`
+        is set (such as a `threading.Event`), or after `longest_seconds`, also if there are signs of life. The service
+        is notified, but may still finish. The default longest time is a minute for a read from memory, 6 h for another
+        read, 30 days for a change or a stop (`duralab_proto.access.longest_seconds_of`). Zenoh holds 0.8 kB of a query
+        until that time is over: give a short one to a change that is sent often.
 
-        Raises `FaultError` PERMISSION_DENIED when this member may not ask it, UNAVAILABLE when the service is missing
-        or vanishes, DEADLINE_EXCEEDED when it is silent or works beyond the longest time (then with that as its field),
-        CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve the key, DATA_LOSS when it ends without a result or
-        with something else, and what it answers. UNAVAILABLE also where the connection was lost or is younger than
-        1.5 s and the query ended without a result: the sentence names the router, and says whether the request may have
-        arrived. A read (`duralab_proto.access.Effect`) is asked again there, for at most 3 s and not beyond its
-        silence; what moves or changes something never is. Raises `BusError` where this bus is closed, `ValueError`
-        where the longest time is not from 0 to 30 days.
+        Raises `FaultError` PERMISSION_DENIED when this member may not send the query, UNAVAILABLE when the service is
+        missing or vanishes, DEADLINE_EXCEEDED when it is silent or works beyond the longest time (then with
+        `longest_seconds` as its field), CANCELLED on `cancel`, UNIMPLEMENTED when it does not serve the key, DATA_LOSS
+        when it ends without a result or with a wrong message, and the fault of its answer. UNAVAILABLE also if the
+        connection was lost or is younger than 1.5 s and the query ended without a result: the sentence names the router
+        and states whether the request may have arrived. A read (`duralab_proto.access.Effect`) is then sent again, for
+        at most 3 s and not beyond its silence; a query that moves or changes something is never sent again. Raises
+        `BusError` if this bus is closed, `ValueError` if the longest time is not from 0 to 30 days.
         """
         self._permission.expect(Operation.ASK, key)
         session = self._session.current
@@ -198,9 +198,9 @@ class Bus:
     def publisher(self, key: str, *, spools: SpoolSpace | None = None, durable: bool = False) -> StreamPublisher:
         """Return a publisher on one key, with its own epoch.
 
-        `spools` keep the stream for replay, in 64 MiB of memory if omitted; in a SpoolFolder it survives
-        this process. `durable` keeps every message until the recorder has marked it as stored, wherever this
-        session has met one: see `StreamPublisher.shortage`. A stream is so anyhow from its first mark on.
+        `spools` keep the stream for replay, in 64 MiB of memory if omitted; in a SpoolFolder it survives this process.
+        `durable` keeps every message until the recorder acknowledges it, if this session has ever met a recorder: see
+        `StreamPublisher.shortage`. Every stream is kept in this way from its first acknowledgement.
         """
         self._permission.expect(Operation.PUBLISH, key)
         if spools is not None:
@@ -209,7 +209,7 @@ class Bus:
             self._session,
             key,
             replays=self._replays,
-            # One stream that nobody marks takes an eighth of a space.
+            # A stream without a subscriber that acknowledges takes an eighth of a space.
             spools=spools or SpoolSpace(8 * SPOOL_BYTES),
             held=durable and self._tracker.met(_STORING),
             largest_bytes=self._limit,
@@ -217,7 +217,7 @@ class Bus:
         )
 
     def serve_left_spools(self, spools: SpoolFolder) -> int:
-        """Offer what publishers that are dead left in a folder, until it is marked; return how many streams."""
+        """Offer the streams that dead publishers left in a folder, until acknowledged; return their number."""
         self._spaces.add(spools)
         left = spools.take_over()
         for key, epoch, spool in left:
@@ -233,18 +233,17 @@ class Bus:
         *,
         repair: bool = False,
     ) -> Subscription[MessageT]:
-        """Receive what is published on a key expression.
+        """Receive the messages that are published on a key expression.
 
-        The callback gets each StreamItem, never two at once. It may take its time: up to 8192 messages wait, of more
-        the oldest are dropped, and with `repair` fetched again when there is room. `on_problem` gets, never while the
-        callback is called, the FaultError of a message that is not what is expected; it is logged otherwise. With
-        `repair` its publisher is asked for it once more; where that cannot be read either, it is lost, and nothing
-        waits for it.
+        The callback gets each StreamItem, never two at once. It may be slow: up to 8192 messages wait, beyond that the
+        oldest are dropped, and with `repair` fetched again when there is room. `on_problem` gets the FaultError of each
+        message that is not as expected, never while the callback runs; without it the fault is logged. With `repair`
+        the publisher is asked once more for such a message; if that cannot be read either, it is lost and skipped.
 
         `repair` delivers all messages that publishers of these keys still keep, also of streams that have ended, and
-        all that follows: each message once and in order. What is lost on the way is fetched from the publishers'
-        spools; what no process on the bus has is skipped after 2 s, and delivered late if it appears. Messages may be
-        lost otherwise.
+        all that follow: each message once and in order. Messages lost in transit are fetched from the publishers'
+        spools; a message that no process on the bus has is skipped after 2 s, and delivered late if it appears. Without
+        `repair`, messages may be lost.
         """
         self._permission.expect(Operation.RECEIVE, key_expression)
         subscription = Subscription(
@@ -261,7 +260,7 @@ class Bus:
         return subscription
 
     def declare_live(self, service: str, instance: str) -> LiveToken:
-        """Say that an instance of a service is there, and answer for its health; do it last, when it answers."""
+        """Declare an instance of a service live and answer for its health; call it last, when the service answers."""
         if self._tracker.live(service, instance):
             structlog.get_logger("duralab_bus").warning(
                 "Another one is on the bus.", service=service, instance=instance
@@ -278,7 +277,7 @@ class Bus:
         return token
 
     def live(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
-        """Return the live services as (service, instance); a new session may not know all: see `discover`."""
+        """Return the live services as (service, instance); a new session may not have met all: see `discover`."""
         return self._tracker.live(service, instance)
 
     def discover(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
@@ -287,7 +286,7 @@ class Bus:
         return self._tracker.live(service, instance)
 
     def wait_for_live(self, instances: set[Instance], timeout_seconds: float) -> None:
-        """Wait until all of them are there; raise `FaultError` UNAVAILABLE with who is missing after the timeout."""
+        """Wait until all instances are live; raise `FaultError` UNAVAILABLE with the missing ones after the timeout."""
         missing = self._tracker.wait_for(set(instances), timeout_seconds=timeout_seconds)
         if missing:
             names = ", ".join(sorted(f"{service}/{instance}" for service, instance in missing))
@@ -297,9 +296,9 @@ class Bus:
             )
 
     def stop_serving(self) -> None:
-        """Withdraw the liveliness tokens, take no more queries, notify the running handlers and wait a moment for them.
+        """Withdraw the liveliness tokens, take no more queries, notify the running handlers and wait briefly for them.
 
-        LabClient and publishing continue, so that a service can still bring its own work to an end.
+        The client and the publishers still work, so that a service can finish its own work.
         """
         for token in list(self._tokens):
             token.close()
@@ -336,21 +335,21 @@ def open_bus(config: BusConfig | None = None, *, service: str, workers: int = 4)
     Parameters
     ----------
     config : BusConfig, optional
-        How; an unconnected peer on loopback where not given.
+        Settings of the session; an unconnected peer on loopback if omitted.
     service : str
-        Who joins, e.g. "rig_sim"; named in the faults it answers.
+        Name of the joining process, e.g. "rig_sim"; named in the faults it answers.
     workers : int
-        Queries of one key answered at once, 1 or more.
+        Number of queries of one key that are answered at once, 1 or more.
 
     Returns
     -------
     Bus
-        Open; to be closed.
+        Open bus; the caller closes it.
 
     Raises
     ------
     BusError
-        One sentence: a port is in use, nothing listens at an endpoint of `connect`, or the session is refused.
+        A port is in use, nothing listens at an endpoint of `connect`, or the session is refused.
     """
     config = config or BusConfig()
     identity = check_identity(config.tls) if config.tls is not None else None

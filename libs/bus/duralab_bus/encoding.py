@@ -1,4 +1,4 @@
-"""Messages as they go over the bus: protobuf, with the encoding naming the message's type."""
+"""Encoding of messages on the bus: protobuf, with the message's type in the encoding."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ def encoding_of(message_type: Message | type[Message]) -> str:
     Parameters
     ----------
     message_type : Message or type
-        Of the contract.
+        Message or type of the contract.
 
     Returns
     -------
     str
-        As it goes beside the payload.
+        Encoding that is sent with the payload.
     """
     return f"application/protobuf;{message_type.DESCRIPTOR.full_name}"
 
 
 @cache
 def zenoh_encoding_of(message_type: type[Message]) -> zenoh.Encoding:
-    """Return the encoding of a message type as Zenoh keeps it; it is compared without reading its text again."""
+    """Return the encoding of a message type as a Zenoh object; comparing it does not parse its text again."""
     return zenoh.Encoding(encoding_of(message_type))
 
 
@@ -43,7 +43,7 @@ def encode(
     code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
 ) -> bytes:
     """Serialise a message that is about to be sent."""
-    # LabClient for its size first would serialise it twice.
+    # Asking for the size first would serialise the message twice.
     payload = message.SerializeToString(deterministic=True)
     if len(payload) > largest_bytes:
         raise _too_large(message.DESCRIPTOR.full_name, len(payload), largest_bytes, code=code)
@@ -58,8 +58,8 @@ def decode(
     largest_bytes: int,
     code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT,
 ) -> MessageT:
-    """Check and parse what was received."""
-    # Thousands of times a second: what only a sentence needs is made for the sentence.
+    """Check and parse a received message."""
+    # Called thousands of times a second: the texts of an error are made only for the error.
     if encoding != zenoh_encoding_of(message_type):
         received = "none" if encoding is None else str(encoding)
         raise FaultError(code, f"The message has the encoding {received!r}; expected is {encoding_of(message_type)!r}.")

@@ -1,7 +1,7 @@
-"""Is a service there and answering? `python -m duralab_bus.health SERVICE [INSTANCE …] [--config FILE]`.
+"""Health check of a service: `python -m duralab_bus.health SERVICE [INSTANCE …] [--config FILE]`.
 
-For health checks of containers and supervisors: joins the bus as the service's own configuration says, asks each
-instance for its health, and ends with exit code 0, or 1 and one sentence; 2 where it is misconfigured.
+For health checks of containers and supervisors: joins the bus with the service's own configuration and queries
+the health of each instance. Exit code 0, or 1 with one sentence; 2 for a wrong configuration.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class _Joining(BaseModel):
 
 
 def check_health(bus: BusConfig, service: str, instances: list[str], *, timeout_seconds: float) -> None:
-    """Ask instances of a service for their health."""
+    """Query instances of a service for their health."""
     client = bus.model_copy(update={"mode": BusMode.CLIENT, "connect_timeout_seconds": timeout_seconds})
     with open_bus(client, service="health") as session:
         session.wait_for_live({(service, instance) for instance in instances}, timeout_seconds)
@@ -47,7 +47,7 @@ def check_health(bus: BusConfig, service: str, instances: list[str], *, timeout_
 
 
 def main() -> int:
-    """Read the command line, ask, and return the exit code."""
+    """Read the command line, check the health, and return the exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m duralab_bus.health", description="Is a service there and answering?"
     )

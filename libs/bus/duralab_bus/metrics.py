@@ -1,4 +1,4 @@
-"""Metrics of a process: counters, and values that are read on request; told to health queries and to Prometheus."""
+"""Metrics of a process: counters, and values that are read on request; for health queries and Prometheus."""
 
 from __future__ import annotations
 
@@ -36,14 +36,14 @@ class FigureKind(StrEnum):
     """Behaviour of a metric over time; named as in the contract."""
 
     GAUGE = "gauge"
-    """Goes up and down."""
+    """Value that goes up and down."""
     COUNTER = "counter"
-    """Counts from the start of the process, and only up."""
+    """Count from the start of the process; it never decreases."""
 
 
 @dataclass
 class FigureFamily:
-    """All values of one metric: its name with the unit, what it is, the names of its labels, and who reads it."""
+    """All values of one metric: its name with the unit, its description, the names of its labels, and its readers."""
 
     name: str
     kind: FigureKind
@@ -53,12 +53,12 @@ class FigureFamily:
 
     @property
     def values(self) -> dict[Labels, float]:
-        """Present values by the labels' values, in their order; empty if there are none now."""
+        """Present values by the labels' values, in order; empty if there are none now."""
         values: dict[Labels, float] = {}
         for read in list(self.readings):
             try:
                 values |= read()
-            except Exception:  # noqa: BLE001 - one figure that cannot be read must not hide all others
+            except Exception:  # noqa: BLE001 - one metric that cannot be read must not hide all others
                 structlog.get_logger("duralab_bus").exception("A figure could not be read.", figure=self.name)
         return dict(sorted(values.items()))
 
@@ -72,7 +72,7 @@ class Counter:
         self._values: dict[Labels, float] = {} if labels else {NO_LABELS: 0.0}
 
     def add(self, *labels: str, amount: float = 1.0) -> None:
-        """Count 0 or more, under as many labels as the counter has; of few different ones, each is kept for good."""
+        """Add 0 or more, with as many labels as the counter has; use few combinations, each is kept for good."""
         with self._lock:
             if labels in self._values:
                 self._values[labels] += amount
@@ -92,9 +92,9 @@ class Counter:
 class Metrics:
     """Registry of the metrics of one process. Safe for threads."""
 
-    # Not the registry of prometheus_client, which only serves the page: that one takes one collector a name, while the
-    # rigs of a process share names, and one collector that fails spoils its page. Its labelled counters take three
-    # times as long (1.2 instead of 0.4 us), and every client would import it.
+    # Not the registry of prometheus_client, which only serves the page: it takes one collector per name, while the
+    # rigs of a process share names, and one failing collector breaks its page. Its labelled counters take three times
+    # as long (1.2 instead of 0.4 us), and every client would import it.
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -115,9 +115,9 @@ class Metrics:
         labels: Labels = NO_LABELS,
         kind: FigureKind = FigureKind.GAUGE,
     ) -> None:
-        """Register a function that is called whenever the metrics are read; several of one name stand side by side.
+        """Register a function that is called each time the metrics are read; one name may have several.
 
-        `name`: `duralab_…`, with the unit at its end. `what`: As text. `read`: Returns the values by the labels'
+        `name`: `duralab_…`, with the unit at its end. `what`: Description. `read`: Returns the values by the labels'
         values; called on any thread, returns at once. `labels`: Their names.
         """
         if _NAME.fullmatch(name) is None or name.endswith(_COUNTER_ENDING) != (kind is FigureKind.COUNTER):
@@ -135,7 +135,7 @@ class Metrics:
 
 
 class HealthService:
-    """Answer to a health query: all metrics of the process; its uptime counts from the construction of this object."""
+    """Answer to health queries: all metrics of the process; uptime counts from the construction of this object."""
 
     def __init__(self, metrics: Metrics) -> None:
         self._metrics = metrics
@@ -162,14 +162,14 @@ class MetricsConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    # The page has no access control: loopback, or an address that only the scraper reaches.
+    # The page has no access control: use loopback, or an address that only the scraper reaches.
     host: str = "127.0.0.1"
-    # 0 takes a free one; the log says which.
+    # 0 takes a free port; the log states it.
     port: int = Field(ge=0, le=2**16 - 1)
 
 
 class _Collector:
-    """Converter of the metrics to Prometheus' classes, each time the page is requested."""
+    """Converter of the metrics to Prometheus' classes, on each request of the page."""
 
     def __init__(self, metrics: Metrics) -> None:
         self._metrics = metrics
@@ -189,9 +189,9 @@ class _Collector:
 def serve_metrics(config: MetricsConfig, metrics: Metrics) -> Iterator[str]:
     """Serve the metrics to Prometheus until the `with` block ends; yields the address of the page.
 
-    Raises `ConfigError`: The host is none of this machine's, or the port is in use.
+    Raises `ConfigError`: The host is not an address of this machine, or the port is in use.
     """
-    # A tenth of a second to import, which a lab script need not wait for.
+    # The import takes 0.1 s, which a lab script need not wait for.
     from prometheus_client import start_http_server
     from prometheus_client.process_collector import ProcessCollector
     from prometheus_client.registry import CollectorRegistry

@@ -1,4 +1,4 @@
-"""Access control of a secured lab: what a member may do, and the router that drops the rest without a word."""
+"""Access control of a secured lab: permissions of a member; the router silently drops all other messages."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ from duralab_proto.v1 import query_pb2
 
 
 class Permission:
-    """Tells whether a session may do something; one without a certificate may try everything."""
+    """Permissions of a session; a session without a certificate may try everything."""
 
     def __init__(self, identity: Identity | None, keys: Keys) -> None:
         self.member: Member | None = identity.member if identity is not None else None
         self._keys = keys
 
     def expect(self, operation: Operation, key: str) -> None:
-        """Raise FaultError, PERMISSION_DENIED, where the router would drop this."""
+        """Raise FaultError PERMISSION_DENIED if the router would drop this operation."""
         member = self.member
         if member is None or permits(member, operation, key, self._keys):
             return
@@ -56,8 +56,8 @@ DEFAULT_PORT: Final = 7447
 CERTIFICATES_FOLDER: Final = "/etc/duralab/certificates"
 MOST_SESSIONS: Final = 64
 
-# What each operation sends to the router (ingress) and receives from it (egress), in Zenoh's words. A router that may
-# not tell a publisher of subscribers leaves it silent, likewise an asker of who answers.
+# Messages that each operation sends to the router (ingress) and receives from it (egress), in Zenoh's terms. A
+# publisher to which the router may not report subscribers sends nothing; the same applies to a client and queryables.
 _MESSAGES: Final[Mapping[Operation, Mapping[str, tuple[str, ...]]]] = {
     Operation.ASK: {"ingress": ("query",), "egress": ("reply", "declare_queryable")},
     Operation.SERVE: {"ingress": ("declare_queryable", "reply"), "egress": ("query",)},
@@ -90,23 +90,23 @@ def router_configuration(
     Parameters
     ----------
     members : iterable of Member
-        Who is let in. Who is left out is refused everything, also with a certificate that is still valid: so one is
-        withdrawn.
+        Members that are let in. All others are refused everything, also with a certificate that is still valid: to
+        withdraw a certificate, leave its member out.
     lab : str
         Name of the lab.
     version : str
-        Zenoh configuration as used by the clients.
+        Version of Zenoh that the clients use.
     certificates : str
         Folder with `ca.crt`, `router.<name>.crt` and `router.<name>.key`, as the router sees it.
     router : str
-        Name in the router's own certificate.
+        Name in the router's certificate.
     port : int
-        Where it listens, on all interfaces.
+        Port at which it listens, on all interfaces.
 
     Returns
     -------
     str
-        For `zenohd --config`.
+        Configuration for `zenohd --config`.
     """
     keys = Keys(lab)
     own = f"{certificates.rstrip('/')}/{Member(ROUTER, router).common_name}"
@@ -115,7 +115,7 @@ def router_configuration(
         "listen": {"endpoints": {"router": [f"tls/0.0.0.0:{port}"]}, "timeout_ms": 0, "exit_on_failure": True},
         "scouting": {"multicast": {"enabled": False}, "gossip": {"enabled": False}},
         "timestamping": {"enabled": {"router": True, "peer": False, "client": False}},
-        # Read by nobody but who the last policy lets: a certificate of the role admin, from this machine.
+        # Readable only for the members of the last policy: a certificate of the role admin, from this machine.
         "adminspace": {"enabled": True, "permissions": {"read": True, "write": False}},
         "transport": {
             "unicast": {
@@ -140,7 +140,7 @@ def router_configuration(
             },
         },
         "access_control": _access_control(keys, members),
-        # Requests without a record are small: what is larger does not reach the service it was meant to choke.
+        # Requests without a record are small: a larger one is dropped before it can overload the service.
         "low_pass_filter": [
             {
                 "id": "small-queries",
@@ -158,7 +158,7 @@ def _access_control(keys: Keys, members: Iterable[Member]) -> dict[str, Any]:
     rules: list[dict[str, Any]] = []
     subjects: list[dict[str, Any]] = []
     policies: list[dict[str, Any]] = []
-    # A subject of its own for each certificate: what one may do says nothing of another.
+    # A separate subject for each certificate, so that the permissions of one do not affect another.
     for member in sorted(members, key=lambda member: member.common_name):
         name = member.common_name
         if member.role == ROUTER:
@@ -185,10 +185,10 @@ def _admin_rules(name: str) -> list[dict[str, Any]]:
 
 
 def _rules(member: Member, keys: Keys) -> Iterator[dict[str, Any]]:
-    """Yield what the router lets in from a member, on its own keys alone, and what it sends to it in return.
+    """Yield the rules for the messages that the router accepts from a member, on its own keys only, and sends to it.
 
-    What is sent follows what was let in. It is not narrowed to the member's keys: a service declares what it serves for
-    all names at once, and an asker that may not see such a declaration asks nobody.
+    The sent messages follow from the accepted ones. They are not narrowed to the member's keys: a service declares its
+    keys for all names at once, and a client that may not see such a declaration sends no query.
     """
     for operation, flows in _MESSAGES.items():
         rows = [(row.expression(keys), row.expressions(member, operation, keys)) for row in ACCESS]
@@ -215,24 +215,24 @@ def _rule(id: str, flow: str, messages: Sequence[str], expressions: Sequence[str
 
 @contextmanager
 def run_router(configuration: str, *, listen: str) -> Iterator[None]:
-    """Run the router of a secured lab, with its certificates and its access control, until the `with` statement ends.
+    """Run the router of a secured lab, with its certificates and access control, until the `with` statement ends.
 
     Parameters
     ----------
     configuration : str
-        As `router_configuration` returns it.
+        Configuration from `router_configuration`.
     listen : str
-        The endpoint it listens at, instead of the one in the configuration, e.g. "tls/127.0.0.1:7447".
+        Endpoint at which it listens, instead of the one in the configuration, e.g. "tls/127.0.0.1:7447".
 
     Yields
     ------
     None
-        As soon as it accepts sessions. Zenoh's log goes to standard error, as far as RUST_LOG says, else warnings.
+        When it accepts sessions. Zenoh's log goes to standard error, at the level of RUST_LOG, by default warnings.
 
     Raises
     ------
     BusError
-        One sentence: a certificate or key is missing, not usable or expired, or the endpoint cannot be used.
+        A certificate or key is missing, not usable or expired, or the endpoint cannot be used.
     """
     zenoh.init_log_from_env_or("warn")
     try:
@@ -241,7 +241,7 @@ def run_router(configuration: str, *, listen: str) -> Iterator[None]:
         tls = json.loads(config.get_json("transport/link/tls"))
     except (zenoh.ZError, ValueError) as error:
         raise BusError(f"This is no configuration of a router: {error}; `duralab certs router` makes one.") from error
-    # Zenoh does not name the file that is missing.
+    # Zenoh does not name a missing file.
     ca, certificate, key = (
         Path(tls[name]) for name in ("root_ca_certificate", "listen_certificate", "listen_private_key")
     )

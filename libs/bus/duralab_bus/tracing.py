@@ -1,4 +1,4 @@
-"""Spans of time of one process, as events of Chrome's trace format, one JSON line each: where the time goes."""
+"""Spans of time of one process, as events of Chrome's trace format, one JSON line each."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class SpanKind(StrEnum):
 
 
 class _Trace:
-    """The file of this process; each event is appended by one write, so that a killed process loses none."""
+    """Trace file of this process; each event is appended by one write, so that a killed process loses none."""
 
     def __init__(self) -> None:
         self._file: int | None = None
@@ -63,19 +63,19 @@ def record_trace(folder: Path, process: str) -> Iterator[None]:
     Parameters
     ----------
     folder : Path
-        Where the file `<process>.jsonl` is made; it exists.
+        Existing folder in which the file `<process>.jsonl` is made.
     process : str
         Name of the process in the trace.
 
     Returns
     -------
     context manager
-        Gives nothing.
+        Context in which the trace is written; yields None.
 
     Raises
     ------
     OSError
-        The file cannot be made.
+        If the file cannot be made.
     """
     _trace.open(folder / f"{process}{SUFFIX}")
     _trace.write({"ph": "M", "name": "process_name", "pid": os.getpid(), "args": {"name": process}})
@@ -86,32 +86,32 @@ def record_trace(folder: Path, process: str) -> Iterator[None]:
 
 
 def span(name: str, kind: SpanKind, **arguments: str | float) -> AbstractContextManager[None]:
-    """Measure a stretch of time for the trace of this process; without a trace nothing is done.
+    """Measure a span of time for the trace of this process; without a trace, do nothing.
 
     Parameters
     ----------
     name : str
-        What is done.
+        Name of the activity.
     kind : SpanKind
-        What the time is spent on.
+        Kind of the activity.
     arguments : str or float
-        More to know about it, by name.
+        Further values of the event, by name.
 
     Returns
     -------
     context manager
-        The stretch; written at its end, also where it fails.
+        Context of the span; written at its end, also if it fails.
     """
     return _written(name, kind, arguments) if _trace.is_on else _NOTHING
 
 
 def spans(items: Iterable[ItemT], name: str, kind: SpanKind) -> Iterator[ItemT]:
-    """Measure what it takes to make each item of an iterator, not what is done with it.
+    """Measure the time to produce each item of an iterator, without the time to use it.
 
     Parameters
     ----------
     items : iterable
-        Gives the items.
+        Source of the items.
     name, kind
         As for `span`.
 
@@ -141,16 +141,16 @@ def _written(name: str, kind: SpanKind, arguments: dict[str, str | float]) -> It
 
 
 def write_span(name: str, kind: SpanKind, began: float, seconds: float, **arguments: str | float) -> None:
-    """Write a stretch of time that is over to the trace of this process, if there is one.
+    """Write a past span of time to the trace of this process, if there is one.
 
     Parameters
     ----------
     name, kind, arguments
         As for `span`.
     began : float
-        In s since 1970.
+        Start in s since 1970.
     seconds : float
-        Its length.
+        Length in s.
     """
     _trace.write(
         {

@@ -1,4 +1,4 @@
-"""Configuration from a file and from the environment, which has the last word: errors in one sentence."""
+"""Configuration from a file and from the environment, which takes precedence: errors in one sentence."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 
 
 class ConfigError(ValueError):
-    """A configuration that cannot be used; the message is one sentence with file, field, value and what is allowed."""
+    """A configuration that cannot be used; the message is one sentence with file, field, value and allowed values."""
 
 
 def load_config(config_type: type[ConfigT], path: Path | str) -> ConfigT:
@@ -24,20 +24,19 @@ def load_config(config_type: type[ConfigT], path: Path | str) -> ConfigT:
     Parameters
     ----------
     config_type : type
-        The pydantic model it must fit.
+        Pydantic model of the configuration.
     path : Path or str
-        A YAML file with one mapping; an empty file is the default configuration.
+        YAML file with one mapping; an empty file is the default configuration.
 
     Returns
     -------
     ConfigT
-        The configuration, checked.
+        Checked configuration.
 
     Raises
     ------
     ConfigError
-        The file cannot be read, is not YAML, holds a key twice, or does not fit; all that does not fit is named at
-        once.
+        The file cannot be read, is not YAML, holds a key twice, or does not fit; all errors are named at once.
     """
     return _checked(config_type, read_mapping(path), where=str(path))
 
@@ -50,7 +49,7 @@ def _checked(config_type: type[ConfigT], content: dict[str, Any], *, where: str)
 
 
 def read_mapping(path: Path | str) -> dict[str, Any]:
-    """Read the mapping of a YAML file, empty for an empty file; raises ConfigError where it holds none."""
+    """Read the mapping of a YAML file, empty for an empty file; raises ConfigError if it holds something else."""
     path = Path(path)
     try:
         text = read_yaml_text(path)
@@ -67,16 +66,16 @@ def read_mapping(path: Path | str) -> dict[str, Any]:
 
 
 ENVIRONMENT_PREFIX: Final = "DURALAB__"
-"""Begins every variable of a configuration: `DURALAB__BUS__LAB` is `lab` in `bus`. Lists and mappings are JSON."""
+"""Prefix of every variable of a configuration: `DURALAB__BUS__LAB` is `lab` in `bus`. Lists and mappings are JSON."""
 
 _DELIMITER: Final = "__"
 
 
 def configured(config_type: type[ConfigT], path: Path | str | None) -> ConfigT:
-    """Return a configuration: what stands in the environment, else in the file, if one is given, else the default.
+    """Return a configuration: values from the environment, else from the file if given, else the defaults.
 
-    Raises `ConfigError`: The file cannot be read or is not YAML, a variable is not JSON where it must be, or the whole
-    does not fit; all that does not fit is named at once.
+    Raises `ConfigError`: The file cannot be read or is not YAML, a variable is not JSON where it must be, or the
+    configuration does not fit; all errors are named at once.
     """
     content: dict[str, Any] = {} if path is None else read_mapping(path)
     variables = {name: text for name, text in os.environ.items() if name.upper().startswith(ENVIRONMENT_PREFIX)}
@@ -88,7 +87,7 @@ def configured(config_type: type[ConfigT], path: Path | str | None) -> ConfigT:
 
 
 def _from_environment(config_type: type[BaseModel], variables: Mapping[str, str]) -> dict[str, Any]:
-    # A tenth of a second to import; most processes have no such variable.
+    # The import takes 0.1 s; most processes have no such variable.
     from pydantic_settings import BaseSettings, EnvSettingsSource, SettingsError
 
     names = {name[len(ENVIRONMENT_PREFIX) :].split(_DELIMITER)[0].lower() for name in variables}
@@ -98,7 +97,7 @@ def _from_environment(config_type: type[BaseModel], variables: Mapping[str, str]
             f"The environment names {', '.join(f'{ENVIRONMENT_PREFIX}{name.upper()}' for name in unknown)}, which "
             f"this service does not know; known are {', '.join(config_type.model_fields)}."
         )
-    # The same fields, none of them required: what is missing here may stand in the file.
+    # The same fields, none of them required: a missing value may be in the file.
     fields: dict[str, Any] = {name: (field.annotation, None) for name, field in config_type.model_fields.items()}
     settings = create_model("Environment", __base__=BaseSettings, **fields)
     source = EnvSettingsSource(settings, env_prefix=ENVIRONMENT_PREFIX, env_nested_delimiter=_DELIMITER)
@@ -111,7 +110,7 @@ def _from_environment(config_type: type[BaseModel], variables: Mapping[str, str]
 
 
 def _merged(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """Lay one mapping over another, level by level."""
+    """Merge one mapping over another, level by level."""
     merged = dict(below)
     for name, value in above.items():
         under = merged.get(name)

@@ -1,4 +1,4 @@
-"""Position of a drive in the record of a controller, and proof that the record belongs to the drive."""
+"""Position of a drive in the record of a controller, and check that the record belongs to the drive."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ import numpy as np
 from duralab_drive_files.errors import DriveFileError
 
 LEAST_CORRELATION: Final = 0.99
-"""Of a recorded command with its drive, over the whole of it."""
+"""Least correlation of a recorded command with its drive, over the whole of it."""
 
 LARGEST_GAIN_ERROR: Final = 0.02
 LARGEST_OFFSET: Final = 0.02
-"""Of a recorded command, as a share of the drive's limit."""
+"""Largest offset of a recorded command, as a share of the drive's limit."""
 
 LARGEST_DRIFT: Final = 0.05
-"""Change of the lag from the first to the last sample, in samples."""
+"""Largest change of the lag from the first to the last sample, in samples."""
 
 _LEAST_MOVING: Final = 1e-4
 """RMS over the limit from which a drive counts as moving: three steps of a 16-bit file."""
 
 _NOISE: Final = 1e-3
-"""RMS over the limit that a recorded command may differ by in any case."""
+"""RMS over the limit by which a recorded command may always differ."""
 
 _FOLLOWS: Final = 0.9
-"""Correlation at a whole lag from which a command follows a drive: up to half a sample and a drift are found later."""
+"""Correlation at a whole lag above which a command follows a drive: up to half a sample and a drift are found later."""
 
 _PIECES: Final = 20
 _HALF_LENGTH: Final = 64
@@ -46,10 +46,10 @@ class Alignment:
     drift : float
         Change of the lag from the first to the last sample, in samples.
     gain, offset : tuple of float
-        Of each recorded command: it is `gain` times its drive plus `offset`, which is in the drive's unit. 1 and 0
-        where the drive does not move, or no command was recorded.
+        Gain and offset of each recorded command: it is `gain` times its drive plus `offset`, in the drive's unit. 1 and
+        0 if the drive does not move, or no command was recorded.
     correlation : tuple of float
-        Of each recorded command with its drive; 1 where the drive does not move.
+        Correlation of each recorded command with its drive; 1 if the drive does not move.
     """
 
     lag: float
@@ -60,21 +60,22 @@ class Alignment:
 
 
 def shifted(samples: np.ndarray, lag: float, length: int) -> np.ndarray:
-    """Return a record from a time between its samples on.
+    """Return part of a record, from a time between its samples.
 
     Parameters
     ----------
     samples : ndarray, shape (channels, samples)
-        Without content above 0.87 of half its sample rate.
+        Record without content above 0.87 of half its sample rate.
     lag : float
-        Where the result begins, in samples.
+        Start of the result, in samples.
     length : int
-        Samples of the result; it begins and ends within the record, or less than a sample beyond.
+        Number of samples of the result; it begins and ends within the record, or less than a sample beyond.
 
     Returns
     -------
     ndarray, shape (channels, length)
-        Exact to 1e-6, but for 64 samples at the ends of the record, beyond which it counts as turned about them.
+        Shifted record, exact to 1e-6 except for 64 samples at the ends of the record, beyond which it is extended by
+        odd reflection.
     """
     whole = int(np.floor(lag))
     fraction = lag - whole
@@ -95,28 +96,28 @@ def shifted(samples: np.ndarray, lag: float, length: int) -> np.ndarray:
 def align(
     recorded: np.ndarray, drive: np.ndarray, *, limits: Sequence[float], names: Sequence[str], rate: float
 ) -> Alignment:
-    """Find a drive in recorded commands, and refuse what is not a record of it.
+    """Find a drive in recorded commands, and refuse a record of another drive.
 
     Parameters
     ----------
     recorded, drive : ndarray, shape (drives, samples)
-        At one sample rate, each row in its drive's unit; the record is the longer one.
+        Signals at one sample rate, each row in its drive's unit; the record is the longer one.
     limits : sequence of float
         Largest magnitude of each drive.
     names : sequence of str
-        Of the drives.
+        Names of the drives.
     rate : float
         Sample rate in Hz.
 
     Returns
     -------
     Alignment
-        One lag for all drives.
+        Alignment with one lag for all drives.
 
     Raises
     ------
     DriveFileError
-        The record does not follow the drive, ends before it or begins after it, or its clock drifts; one sentence.
+        If the record does not follow the drive, ends before it or begins after it, or its clock drifts; one sentence.
     """
     moving = np.std(drive, axis=1) > _LEAST_MOVING * np.asarray(limits)
     if not moving.any():
@@ -182,7 +183,7 @@ def _correlation(one: np.ndarray, other: np.ndarray) -> float:
 def _require_correlated(
     recorded: np.ndarray, drive: np.ndarray, lag: int, moving: np.ndarray, names: Sequence[str]
 ) -> None:
-    """Refuse a record that does not follow the drive at a whole lag, and say why as far as it can be seen."""
+    """Refuse a record that does not follow the drive at a whole lag, with the reason if it can be detected."""
     rows: list[int] = np.flatnonzero(moving).tolist()
     bad = [names[row] for row in rows if not _correlation(*_overlap(recorded[row], drive[row], lag)) > _FOLLOWS]
     if not bad:
@@ -208,7 +209,7 @@ def _require_correlated(
 
 
 def _best_pairs(recorded: np.ndarray, drive: np.ndarray) -> list[tuple[int, int]] | None:
-    """Return the drive that each recorded command follows at one lag, and its sign; None where one follows none."""
+    """Return the drive that each recorded command follows at one lag, and its sign; None if one follows none."""
     size = _fast_size(recorded.shape[1] + drive.shape[1])
     total = np.zeros(size)
     for one in recorded:
@@ -229,7 +230,7 @@ def _best_pairs(recorded: np.ndarray, drive: np.ndarray) -> list[tuple[int, int]
 
 
 def _large_drift(recorded: np.ndarray, drive: np.ndarray, lag: int) -> str:
-    """Say that the ends of a drive are found at different lags about a known one, or return an empty text."""
+    """Return as text that the ends of a drive have different lags around a known one, or an empty string."""
     samples = drive.shape[1]
     part, reach = samples // 5, max(samples // 1000, 3)
     lags = []
@@ -254,13 +255,13 @@ def _drift_sentence(drift: float, samples: int) -> str:
 
 
 def _refined(recorded: np.ndarray, drive: np.ndarray, lag: float) -> tuple[float, float, float]:
-    """Return lag, drift and its standard deviation, by Gauss and Newton from a whole lag.
+    """Return lag, drift and its standard deviation, by Gauss-Newton iterations from a whole lag.
 
     A late record is `drive + rest · drive'`, and one whose clock drifts has a rest that grows along the drive.
     """
     room = recorded.shape[1] - drive.shape[1]
     samples = drive.shape[1]
-    # What the ends of the record are turned about is no measurement.
+    # The reflected extension at the ends of the record is no measurement.
     edge = min(_HALF_LENGTH, samples // 8)
     inner = slice(edge, samples - edge)
     wide = np.pad(drive, ((0, 0), (2, 2)), mode="edge")
@@ -290,7 +291,7 @@ def _refined(recorded: np.ndarray, drive: np.ndarray, lag: float) -> tuple[float
 
 
 def _without(column: np.ndarray, rows: np.ndarray) -> np.ndarray:
-    """Return rows less what a constant and a column explain of them."""
+    """Return rows less the part that a constant and a column explain."""
     centred = column - column.mean()
     rows = rows - rows.mean(axis=1, keepdims=True)
     return rows - np.outer(rows @ centred / np.sum(centred**2), centred)
@@ -301,7 +302,7 @@ class _Comparison:
     gain: np.ndarray
     offset: np.ndarray
     correlation: np.ndarray
-    #: Largest RMS of what is left in a piece, in the drive's unit.
+    #: Largest RMS of the residual in a piece, in the drive's unit.
     left: np.ndarray
     #: Standard deviation of the gain.
     uncertainty: np.ndarray
@@ -334,7 +335,7 @@ def _judge(
     limits: np.ndarray,
     names: Sequence[str],
 ) -> None:
-    """Refuse recorded commands that are not the drive at its size, all along it; names every bad one."""
+    """Refuse recorded commands that differ from the drive in size or at any time; names every bad one."""
     share = np.sqrt(1.0 - LEAST_CORRELATION**2)
     bad = []
     for row, name in enumerate(names):

@@ -1,4 +1,4 @@
-"""The map between the channels of a rig in the lab and those of its controller, from YAML."""
+"""Map between the channels of a rig in the lab and those of its controller, from YAML."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ _KINDS: Final = {
 """Kind of a channel in the contract and its SI unit, by its name in a map."""
 
 Name = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=120)]
-# What an RPC III header holds of a name.
+# Characters and length of a name that an RPC III header can hold.
 Descriptor = Annotated[str, Field(pattern=r"^[ -~\u00a0-\u00ff]*[!-~\u00a1-\u00ff][ -~\u00a0-\u00ff]*$", max_length=95)]
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Sign = Annotated[Literal[1, -1], Field(description="1, or -1 where the controller's axis points the other way.")]
@@ -92,7 +92,7 @@ class _ResponseSection(_ChannelSection):
 
 
 class _WheelForceSection(Section):
-    """A wheel-force transducer: its channels become responses in the axes of ISO 8855."""
+    """Wheel-force transducer: its channels become responses in the axes of ISO 8855."""
 
     convention: WheelForceConvention = Field(strict=False, description="Axes of the transducer.")
     channels: dict[Literal["fx", "fy", "fz", "mx", "my", "mz"], Descriptor] = Field(min_length=1)
@@ -136,16 +136,16 @@ class _MapSection(Section):
 
 @dataclass(frozen=True)
 class MappedChannel:
-    """A drive or a response, and the controller's channel that it is.
+    """Drive or response, and the controller's channel for it.
 
     Controller's value = `sign` · `factor` · (value in `controller_unit`) + `offset`.
 
     Parameters
     ----------
     name : str
-        In the lab.
+        Name in the lab.
     kind : str
-        As in the contract, e.g. "displacement".
+        Kind as in the contract, e.g. "displacement".
     unit : str
         SI unit in the lab.
     controller_channel : str
@@ -153,21 +153,21 @@ class MappedChannel:
     controller_unit : str
         Unit in the controller's files.
     factor, offset : float
-        See above; the offset in `controller_unit`.
+        Coefficients of the formula above; the offset in `controller_unit`.
     sign : int
-        1 or -1.
+        Sign of the formula, 1 or -1.
     minimum, maximum : float
         Allowed range, in `unit`.
     slew_limit : float
-        Largest rate, in `unit` per second; 0 where none is stated.
+        Largest rate, in `unit` per second; 0 if none is stated.
     stated_full_scale : float
-        Full scale of the control mode, in `controller_unit`; 0 where it is the larger limit.
+        Full scale of the control mode, in `controller_unit`; 0 if it is the larger limit.
     recorded_command : str
-        Of a drive: the channel of the response file with its recorded command; empty where there is none.
+        For a drive: the channel of the response file with its recorded command; empty if there is none.
     label : str
-        What it is and where it acts.
+        Description and location of the channel.
     holds_static, ac_coupled : bool
-        As in the contract.
+        Properties as in the contract.
     """
 
     name: str
@@ -194,14 +194,14 @@ class MappedChannel:
 
     @property
     def full_scale(self) -> float:
-        """Largest magnitude that a file holds of it, in the controller's unit; not its peak."""
+        """Largest magnitude of the channel in a file, in the controller's unit; not its peak."""
         if self.stated_full_scale:
             return self.stated_full_scale
         ends = (self.scale * self.minimum + self.offset, self.scale * self.maximum + self.offset)
         return max(map(abs, ends))
 
     def to_message(self) -> array_pb2.Channel:
-        """Return it as the contract describes it."""
+        """Return it as a message of the contract."""
         return array_pb2.Channel(
             name=self.name,
             unit=self.unit,
@@ -222,21 +222,21 @@ class ControllerMap:
     Parameters
     ----------
     rig, specimen, controller : str
-        Name in the lab, and what stands there.
+        Name in the lab, mounted specimen, and controller.
     sample_rate, controller_rate : float
-        In the lab and of the drive file, in Hz.
+        Sample rates in the lab and of the drive file, in Hz.
     longest_drive : float
-        In s.
+        Longest drive in s.
     lead_seconds : float
-        Length of the way from rest to the first sample, and back from the last, in the file.
+        Length in s of the lead from rest to the first sample, and back from the last, in the file.
     drive_has_offset : bool
-        True: the file has no such ways, the controller makes them.
+        Whether the controller makes the leads, so that the file has none.
     numbers : DataType
-        How samples are stored.
+        Storage type of samples.
     exchange : Path
         Folder of outbox and inbox.
     drives, responses : tuple of MappedChannel
-        In the order of the lab; responses from wheel-force transducers come last.
+        Channels in the order of the lab; responses from wheel-force transducers come last.
     channels : ChannelTable
         Sensors and calculated responses.
     wheels : tuple of (tuple of int, tuple of float)
@@ -260,16 +260,17 @@ class ControllerMap:
 
     @property
     def recorded_commands(self) -> dict[str, str]:
-        """Channel of the response file with the recorded command, by the drive's name; only those that are recorded."""
+        """Channel of the response file with the recorded command, by the drive's name; only recorded ones."""
         return {drive.name: drive.recorded_command for drive in self.drives if drive.recorded_command}
 
     def description(self) -> rig_pb2.RigDescription:
-        """Return the rig as the contract describes it.
+        """Return the rig's description as a message of the contract.
 
         Returns
         -------
         rig_pb2.RigDescription
-            Without sensors and calculated responses, which `channels.complete` adds, and without version and hash.
+            Description without sensors and calculated responses, which `channels.complete` adds, and without version
+            and hash.
         """
         return rig_pb2.RigDescription(
             rig=self.rig,
@@ -289,32 +290,32 @@ class ControllerMap:
         Parameters
         ----------
         drive : ndarray, shape (drives, samples)
-            In the units of the lab.
+            Drive in the units of the lab.
 
         Returns
         -------
         ndarray, shape (drives, samples)
-            With the controller's signs and offsets.
+            Drive with the controller's signs and offsets.
         """
         return _to_controller(self.drives, drive)
 
     def drives_from_controller(self, history: TimeHistory) -> np.ndarray:
-        """Return the drive that a drive file holds, in the units of the lab.
+        """Return the drive in a drive file, in the units of the lab.
 
         Parameters
         ----------
         history : TimeHistory
-            A drive file, at any sample rate.
+            Drive file, at any sample rate.
 
         Returns
         -------
         ndarray, shape (drives, samples)
-            In the order of `drives`.
+            Drive, in the order of `drives`.
 
         Raises
         ------
         DriveFileError
-            As `responses_from_controller`.
+            As for `responses_from_controller`.
         """
         return _rows(history, self.drives)
 
@@ -324,17 +325,17 @@ class ControllerMap:
         Parameters
         ----------
         history : TimeHistory
-            A response file.
+            Response file.
 
         Returns
         -------
         dict of str to ndarray, shape (samples)
-            By the drive's name; only those that the map and the file have.
+            Commands by the drive's name; only those that the map and the file have.
 
         Raises
         ------
         DriveFileError
-            A unit of the file does not convert, or a channel occurs in it twice.
+            If a unit of the file does not convert, or a channel occurs in it twice.
         """
         there = [drive for drive in self.drives if drive.recorded_command in _labels(history)]
         return {drive.name: _row(history, drive.recorded_command, drive) for drive in there}
@@ -345,17 +346,17 @@ class ControllerMap:
         Parameters
         ----------
         history : TimeHistory
-            A response file, at any sample rate.
+            Response file, at any sample rate.
 
         Returns
         -------
         ndarray, shape (responses, samples)
-            In the order of `responses`.
+            Responses, in the order of `responses`.
 
         Raises
         ------
         DriveFileError
-            A channel is missing or stands there twice, or its unit does not convert; names all that are missing.
+            If a channel is missing or occurs twice, or its unit does not convert; all missing ones are named.
         """
         rows = _rows(history, self.responses)
         for wheel, offset in self.wheels:
@@ -369,12 +370,12 @@ class ControllerMap:
         Parameters
         ----------
         response : ndarray, shape (responses, samples)
-            In the units of the lab.
+            Responses in the units of the lab.
 
         Returns
         -------
         ndarray, shape (responses, samples)
-            In the controller's units, signs and points.
+            Responses in the controller's units, signs and reference points.
         """
         rows = np.array(response, dtype=np.float64)
         for wheel, offset in self.wheels:
@@ -407,13 +408,13 @@ def _row(history: TimeHistory, name: str, channel: MappedChannel) -> np.ndarray:
     if labels.count(name) > 1:
         raise DriveFileError(f"the channel {name!r} is in it {labels.count(name)} times; give each its own name.")
     index = labels.index(name)
-    # A file that names no unit is in that of the map.
+    # A channel without a unit in the file has that of the map.
     unit = history.units[index].strip() or channel.controller_unit
     try:
         factor, offset = unit_conversion(unit, channel.controller_unit, f"the channel {name!r}")
     except UnitError as error:
         raise DriveFileError(f"{str(error).rstrip('.')}; correct the map or the controller's unit.") from error
-    # Each row in one go: a long file is not copied more often than needed.
+    # Each row in one operation: a long file is not copied more often than needed.
     row = history.samples[index]
     return ((row * factor + offset if (factor, offset) != (1.0, 0.0) else row) - channel.offset) / channel.scale
 
@@ -424,17 +425,17 @@ def read_controller_map(path: Path) -> ControllerMap:
     Parameters
     ----------
     path : Path
-        The YAML.
+        YAML file.
 
     Returns
     -------
     ControllerMap
-        Checked: one-to-one, with units that convert.
+        Checked map: one-to-one, with units that convert.
 
     Raises
     ------
     DriveFileError
-        The file cannot be read or a value is not allowed; one sentence.
+        If the file cannot be read or a value is not allowed; one sentence.
     """
     try:
         content = parse_yaml(read_yaml_text(path))
@@ -451,7 +452,7 @@ def read_controller_map(path: Path) -> ControllerMap:
         return _compiled(section, path.parent)
     except DriveFileError as error:
         raise DriveFileError(error.sentence, path=path) from error
-    # Of units, names, sensors and calculated channels.
+    # Errors of units, names, sensors and calculated channels.
     except ValueError as error:
         raise DriveFileError(str(error), path=path) from error
 
@@ -511,7 +512,7 @@ def _mapped(name: str, section: _ChannelSection, *, slew_limit: float = 0.0, **m
     factor, shift = unit_conversion(section.unit, unit, name)
     if shift:
         raise DriveFileError(f"{name} is in {section.unit!r}, whose zero is not that of {unit!r}; take another unit.")
-    # The lab's value of one of the controller.
+    # Change of the lab's value over that of the controller's.
     scale = factor * section.sign / section.factor
     ends = sorted((section.minimum - section.offset, section.maximum - section.offset), key=lambda end: scale * end)
     return MappedChannel(
@@ -561,7 +562,7 @@ def _wheel_channels(wheel: str, section: _WheelForceSection) -> list[MappedChann
 
 
 def _require_one_to_one(what: str, channels: Sequence[MappedChannel], names: Sequence[str]) -> None:
-    """Refuse a controller's channel that stands for two, and a name of the lab that is given twice."""
+    """Refuse a controller's channel that is mapped twice, and a name of the lab that is given twice."""
     for given in (names, [channel.name for channel in channels]):
         if twice := sorted({name for name in given if list(given).count(name) > 1}):
             raise DriveFileError(

@@ -10,18 +10,18 @@ from duralab_settings import require_regular
 
 
 class DriveFileError(ValueError):
-    """A file, a map or a setting cannot be used.
+    """A file, a map or a setting that cannot be used.
 
     Parameters
     ----------
     sentence : str
-        What is wrong with which value, what is allowed and what to do.
+        One sentence: the wrong value, the allowed values and the remedy.
     path : Path, optional
-        The file that is meant.
+        File with the error.
     offset : int, optional
-        Byte of the file at which it went wrong; None where the file as a whole is meant.
+        Byte of the file at which the error was found; None for the file as a whole.
     field : str
-        Setting that is wrong, e.g. "points_per_frame"; empty where none is.
+        Wrong setting, e.g. "points_per_frame"; empty if there is none.
     """
 
     def __init__(self, sentence: str, *, path: Path | None = None, offset: int | None = None, field: str = "") -> None:
@@ -35,12 +35,12 @@ class DriveFileError(ValueError):
 
 @contextmanager
 def opened(path: Path) -> Iterator[None]:
-    """Turn what the operating system says of a file into one sentence.
+    """Convert an error of the operating system to one sentence.
 
     Parameters
     ----------
     path : Path
-        The file that is read.
+        File that is read.
 
     Yields
     ------
@@ -49,7 +49,7 @@ def opened(path: Path) -> Iterator[None]:
     Raises
     ------
     DriveFileError
-        The operating system refused.
+        If the operating system refuses the file.
     """
     try:
         yield
@@ -64,17 +64,17 @@ def require_file(path: Path) -> int:
     Parameters
     ----------
     path : Path
-        The file.
+        Path of the file.
 
     Returns
     -------
     int
-        Its size in bytes.
+        Size in bytes.
 
     Raises
     ------
     DriveFileError
-        It cannot be read, is a folder or is empty.
+        If it cannot be read, is a folder or is empty.
     """
     with opened(path):
         try:

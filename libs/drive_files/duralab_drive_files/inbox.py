@@ -1,4 +1,4 @@
-"""The inbox of an exchange folder: response files of a controller, and whether they belong to their drive."""
+"""Inbox of an exchange folder: response files of a controller, and the check that they belong to their drive."""
 
 from __future__ import annotations
 
@@ -19,41 +19,41 @@ from duralab_drive_files.rates import resampled
 from duralab_drive_files.rpc3_reading import read_rpc3
 
 _STABLE_SECONDS: Final = 0.5
-"""A file is whole once neither its size nor its time stamp changed for so long."""
+"""Time in s without a change of size and time stamp after which a file is complete."""
 
 _FUTURE_SECONDS: Final = 60.0
-"""Clocks of two machines may differ by so much."""
+"""Largest difference in s of the clocks of two machines."""
 
 _LOWEST_RATE: Final = 0.5
 _HIGHEST_RATE: Final = 64.0
-"""Of a response file, over the sample rate of the lab."""
+"""Highest sample rate of a response file, over that of the lab."""
 
 _EARLIER_RUNS: Final = 5
-"""Newest ended runs whose drives a response is compared with."""
+"""Number of newest ended runs with whose drives a response is compared."""
 
 _LEAST_DIFFERENCE: Final = 5e-4
-"""RMS difference of two drives, over their RMS values, from which a record tells which of them was played."""
+"""Least RMS difference of two drives, over their RMS values, at which a record shows which of them was played."""
 
 _STILL: Final = 0.01
-"""A drive that does not move: its recorded command may differ by so much of its limit."""
+"""Largest movement of the recorded command of a constant drive, as a share of its limit."""
 
 
 @dataclass(frozen=True, eq=False)
 class AcceptedResponse:
-    """A response that belongs to its drive.
+    """Response that belongs to its drive.
 
     Parameters
     ----------
     response : ndarray, shape (responses, samples)
-        In the units of the lab, at the drive's samples.
+        Response in the units of the lab, at the drive's samples.
     alignment : Alignment or None
-        Of the recorded commands; the lag counts from where the drive lies in the file. None where none was recorded.
+        Alignment of the recorded commands; the lag counts from the drive's position in the file. None without commands.
     drives : tuple of str
-        Whose commands were recorded, in the order of `alignment`.
+        Drives with recorded commands, in the order of `alignment`.
     sha256 : str
-        Of the file.
+        SHA-256 of the file.
     remarks : tuple of str
-        What could not be checked, and what the file lacks, one sentence each.
+        Omitted checks and missing content, one sentence each.
     """
 
     response: np.ndarray
@@ -64,14 +64,14 @@ class AcceptedResponse:
 
 
 class Inbox:
-    """The inbox beside an outbox.
+    """Inbox beside an outbox.
 
     Parameters
     ----------
     outbox : Outbox
-        Of the same exchange folder.
+        Outbox of the same exchange folder.
     stable_seconds : float
-        A file that did not change for that time is whole, in s.
+        Time in s without a change after which a file is complete.
     """
 
     def __init__(self, outbox: Outbox, *, stable_seconds: float = _STABLE_SECONDS) -> None:
@@ -81,20 +81,20 @@ class Inbox:
         self._since = 0.0
         self._refused: tuple[Path | None, tuple[int, int]] = (None, (0, 0))
         self.refusal = ""
-        """Why the response file that is there now was not taken, one sentence; empty where none was refused."""
+        """Reason why the present response file was not accepted, one sentence; empty if none was refused."""
 
     def refusal_by_person(self, order: Order) -> str:
-        """Return why a person refuses a run, from `<run>.refuse.txt`.
+        """Return a person's reason to refuse a run, from `<run>.refuse.txt`.
 
         Parameters
         ----------
         order : Order
-            That waits.
+            Order that waits.
 
         Returns
         -------
         str
-            The reason; empty where no such file is there.
+            Reason; empty if there is no such file.
         """
         path = self._outbox.inbox / f"{order.run}.refuse.txt"
         with suppress(OSError):
@@ -102,26 +102,26 @@ class Inbox:
         return ""
 
     def take(self, order: Order, drive: np.ndarray) -> AcceptedResponse | None:
-        """Return the response of an order once its file is whole and belongs to the drive.
+        """Return the response of an order after its file is complete and belongs to the drive.
 
-        A file that does not belong stays, with the reason beside it; it is judged again when it changes.
+        A file that does not belong is left, with the reason beside it; it is judged again when it changes.
 
         Parameters
         ----------
         order : Order
-            That waits.
+            Order that waits.
         drive : ndarray, shape (drives, samples)
-            As the lab asked for it.
+            Drive as requested by the lab.
 
         Returns
         -------
         AcceptedResponse or None
-            None as long as no file that can be taken is there.
+            Response; None as long as there is no acceptable file.
 
         Raises
         ------
         DriveFileError
-            The inbox cannot be read or written.
+            If the inbox cannot be read or written.
         """
         path = self._outbox.inbox / order.response_file
         reason = path.with_name(f"{path.name}.refused.txt")
@@ -165,7 +165,7 @@ class Inbox:
                 )
 
     def _earlier(self, order: Order) -> Iterator[tuple[str, np.ndarray]]:
-        """Yield the newest ended runs whose drive has this length, and their drives."""
+        """Yield the newest ended runs with a drive of this length, and their drives."""
         controller, lead = self._outbox.map, lead_samples(self._outbox.map)
         drives = sorted(self._outbox.done.glob("*.drv"), key=lambda path: path.stat().st_mtime_ns, reverse=True)
         for path in drives[:_EARLIER_RUNS]:
@@ -200,24 +200,24 @@ def judged(
     controller_map : ControllerMap
         Channels and rates.
     order : Order
-        Of the drive.
+        Order of the drive.
     drive : ndarray, shape (drives, samples)
-        As the lab asked for it.
+        Drive as requested by the lab.
     path : Path
-        An RPC III file.
+        Path of an RPC III file.
     earlier : iterable of (str, ndarray of shape (drives, samples))
-        Ended runs and their drives, from the first sample on: the record of one of them is refused, also where both
-        drives are nearly the same, as those of neighbouring iterations are.
+        Ended runs and their drives, from the first sample on. The record of one of them is refused, also if both drives
+        are nearly the same, as in neighbouring iterations.
 
     Returns
     -------
     AcceptedResponse
-        At the drive's samples.
+        Response at the drive's samples.
 
     Raises
     ------
     DriveFileError
-        It is incomplete, lacks channels, is too short, or its recorded commands are not the drive; one sentence.
+        If it is incomplete, lacks channels, is too short, or its recorded commands are not the drive; one sentence.
     """
     history = read_rpc3(path)
     rate, count = controller_map.sample_rate, drive.shape[1]
@@ -277,14 +277,14 @@ def judged(
 def _require_own(
     recorded: np.ndarray, drive: np.ndarray, found: Alignment, earlier: Iterable[tuple[str, np.ndarray]]
 ) -> None:
-    """Refuse the record of an earlier run whose drive correlates with this one, but is another."""
+    """Refuse the record of an earlier run whose drive correlates with this one but differs."""
     size = drive.std(axis=1, keepdims=True)
     moving = size[:, 0] > 0.0
     played = (recorded - np.array([found.offset]).T) / np.array([found.gain]).T
 
     def difference(other: np.ndarray) -> float:
-        """Return the RMS difference to what was played, over the RMS value of each drive."""
-        # Resampled, a drive may end a part of a sample early.
+        """Return the RMS difference to the played drive, over the RMS value of each drive."""
+        # After resampling, a drive may end a part of a sample early.
         count = min(other.shape[1], drive.shape[1] - 1)
         return float(np.sqrt(np.mean(((played[:, :count] - other[:, :count])[moving] / size[moving]) ** 2)))
 
@@ -298,12 +298,12 @@ def _require_own(
 
 
 def _require_still(recorded: np.ndarray, drive: np.ndarray, limits: list[float], names: list[str]) -> None:
-    """Refuse commands that move where no drive does."""
+    """Refuse commands that move although no drive does."""
     for row, name in enumerate(names):
         if np.abs(recorded[row] - drive[row, 0]).max() > _STILL * limits[row]:
             raise DriveFileError(f"the command of {name} moves, and its drive does not; give the response of this run.")
 
 
 def _reaching(rows: np.ndarray, samples: int) -> np.ndarray:
-    """Return rows of at least so many samples: resampled, a file may end a part of a sample before its drive."""
+    """Return rows of at least `samples`: after resampling, a file may end a part of a sample before its drive."""
     return np.pad(rows, ((0, 0), (0, max(samples - rows.shape[1], 0))), mode="edge")

@@ -1,4 +1,4 @@
-"""The outbox of an exchange folder: drive files for a controller, whole or not there, with what to set beside them."""
+"""Outbox of an exchange folder: drive files for a controller, complete or absent, and their settings beside them."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ from duralab_settings import lock_file
 
 @dataclass(frozen=True)
 class OrderedChannel:
-    """A channel of a drive file: what the controller is set to, in the controller's unit.
+    """Channel of a drive file with the controller's settings, in the controller's unit.
 
-    `name`: Descriptor in the file. `full_scale`: The larger of its limits. `peak`: Largest magnitude in the file.
-    `slew`: Largest rate in the file, per second.
+    `name`: Descriptor in the file. `full_scale`: Larger limit. `peak`: Largest magnitude in the file. `slew`: Largest
+    rate in the file, per second.
     """
 
     name: str
@@ -42,7 +42,7 @@ class OrderedChannel:
 
 @dataclass(frozen=True)
 class Order:
-    """A drive file and its order, as in `<run>.json` beside it.
+    """Drive file and its order, as in `<run>.json` beside it.
 
     Parameters
     ----------
@@ -51,29 +51,29 @@ class Order:
     drive_file : str
         Name of the drive file.
     sha256 : str
-        Of the drive file.
+        SHA-256 of the drive file.
     sample_rate : float
-        Of the drive file, in Hz.
+        Sample rate of the drive file, in Hz.
     samples, lead_samples : int
-        True length of the drive file, and of each of its leads.
+        True length of the drive file, and of each of its leads, in samples.
     drive_has_offset : bool
         Whether the controller ramps to the first sample and from the last one.
     channels : tuple of OrderedChannel
-        In the order of the drives.
+        Channels in the order of the drives.
     response_file : str
-        Name that the response is waited for under.
+        Name of the expected response file.
     wanted_channels : tuple of str
-        What the response file has to hold.
+        Channels that the response file must hold.
     recorded_commands : dict of str to str
         Channel with the recorded command, by the channel of the drive file.
     written : str
-        When, UTC.
+        Time of writing, UTC.
     drive_sha256, seed : str, int
-        Of the drive as the lab asked for it: the same request is not written twice.
+        Hash and seed of the requested drive: the same request is not written twice.
     ended, response_sha256 : str
-        How it ended, and which response was taken; empty while it waits.
+        Reason of its end, and hash of the accepted response; empty while it waits.
     answered_run : str
-        Run that the response was given to, which may be a later one that resumed the wait.
+        Run that got the response, which may be a later one that resumed the wait.
     """
 
     run: str
@@ -96,12 +96,12 @@ class Order:
 
     @property
     def names(self) -> set[str]:
-        """Return the names of the runs that asked for this drive."""
+        """Names of the runs that requested this drive."""
         return {self.run, self.answered_run} - {""}
 
     @property
     def ways_out(self) -> str:
-        """Return the remedies for an order that waits, as the end of a sentence."""
+        """Remedies for an order that waits, as the end of a sentence."""
         return (
             f"play {self.drive_file} and save {self.response_file} into the inbox, refuse it with "
             f"{self.run}.refuse.txt there, or resume what asked for it."
@@ -109,17 +109,17 @@ class Order:
 
 
 class Outbox:
-    """The outbox of one exchange folder; one process at a time writes into it.
+    """Outbox of one exchange folder; one process at a time writes into it.
 
     Parameters
     ----------
     controller_map : ControllerMap
-        Channels, rates and the folder, which is made where it is missing.
+        Channels, rates and the folder, which is made if it is missing.
 
     Raises
     ------
     DriveFileError
-        The folder cannot be written, or another gateway uses it; one sentence.
+        If the folder cannot be written, or another gateway uses it; one sentence.
     """
 
     def __init__(self, controller_map: ControllerMap) -> None:
@@ -140,7 +140,7 @@ class Outbox:
                 ) from error
 
     def close(self) -> None:
-        """Let another process use the folder."""
+        """Release the folder for other processes."""
         os.close(self._lock)
 
     def waiting(self) -> Order | None:
@@ -149,12 +149,12 @@ class Outbox:
         Returns
         -------
         Order or None
-            At most one waits.
+            Waiting order; there is at most one.
 
         Raises
         ------
         DriveFileError
-            Its file is no order.
+            If its file is not an order.
         """
         paths = sorted(self.folder.glob("*.json"))
         return read_order(paths[0]) if paths else None
@@ -165,37 +165,37 @@ class Outbox:
         Returns
         -------
         list of Order
-            By the names of their runs.
+            Orders by the names of their runs.
 
         Raises
         ------
         DriveFileError
-            A file is no order.
+            If a file is not an order.
         """
         return [read_order(path) for path in sorted(self.done.glob("*.json"))]
 
     def put(self, run: str, drive: np.ndarray, *, seed: int = 0) -> Order:
-        """Write a drive file, the operator's sheet, and last the order, whose presence means that it may be played.
+        """Write a drive file, the operator's sheet, and last the order, whose presence allows to play the drive.
 
         Parameters
         ----------
         run : str
-            Name of the run; no file of that name is there.
+            Name of the run; no file may have that name.
         drive : ndarray, shape (drives, samples)
-            In the units and at the sample rate of the lab.
+            Drive in the units and at the sample rate of the lab.
         seed : int
-            Of the request.
+            Seed of the request.
 
         Returns
         -------
         Order
-            It is on disk.
+            Order as written to disk.
 
         Raises
         ------
         DriveFileError
-            A drive is beyond its channel's range, another order waits, the run ended before, or the folder cannot be
-            written; no order is there then.
+            If a drive is beyond its channel's range, another order waits, the run ended before, or the folder cannot be
+            written; no order exists then.
         """
         if (other := self.waiting()) is not None:
             raise DriveFileError(f"run {other.run!r} waits for its response; {other.ways_out}")
@@ -218,29 +218,29 @@ class Outbox:
         return order
 
     def end(self, order: Order, how: str, *, response_sha256: str = "", answered_run: str = "") -> None:
-        """Move an order and its files to `outbox/done`, so that nothing waits any more.
+        """Move an order and its files to `outbox/done`, so that no order waits any more.
 
         Parameters
         ----------
         order : Order
-            That waited.
+            Order that waited.
         how : str
-            How it ended.
+            Reason of its end.
         response_sha256 : str
-            Of the response that was taken, if any.
+            SHA-256 of the accepted response, if any.
         answered_run : str
-            Run that it was given to.
+            Run that got the response.
 
         Raises
         ------
         DriveFileError
-            The folder cannot be written.
+            If the folder cannot be written.
         """
         run, response = order.run, order.response_file
         ended = replace(order, ended=how, response_sha256=response_sha256, answered_run=answered_run)
         with written_into(self.folder):
             write_text(self.done / f"{run}.json", json.dumps(asdict(ended), indent=2))
-            # The order first: a controller must not take a drive of a run that has ended.
+            # The order first: a controller must not read a drive of a run that has ended.
             (self.folder / f"{run}.json").unlink(missing_ok=True)
             for folder, name in (
                 (self.folder, order.drive_file),
@@ -253,7 +253,7 @@ class Outbox:
                     (folder / name).replace(self.done / name)
 
     def _remove(self, run: str) -> None:
-        """Leave nothing of an order that could not be written."""
+        """Remove all files of an order that could not be written."""
         for suffix in (".json", ".json.part", ".html", ".html.part", ".drv", ".drv.part"):
             with suppress(OSError):
                 (self.folder / f"{run}{suffix}").unlink(missing_ok=True)
@@ -265,17 +265,17 @@ def read_order(path: Path) -> Order:
     Parameters
     ----------
     path : Path
-        `<run>.json`.
+        Path of `<run>.json`.
 
     Returns
     -------
     Order
-        As it was written.
+        Order as written.
 
     Raises
     ------
     DriveFileError
-        It is no order.
+        If it is not an order.
     """
     try:
         values = json.loads(path.read_text(encoding="utf-8"))
@@ -289,12 +289,12 @@ def read_order(path: Path) -> Order:
 
 
 def drive_hash(drive: np.ndarray) -> str:
-    """Return what tells one drive from another.
+    """Return a hash that identifies a drive.
 
     Parameters
     ----------
     drive : ndarray, shape (drives, samples)
-        As the lab asks for it.
+        Drive as requested by the lab.
 
     Returns
     -------
@@ -312,29 +312,29 @@ def lead_samples(controller_map: ControllerMap) -> int:
 
 
 def with_leads(controller_map: ControllerMap, drive: np.ndarray) -> np.ndarray:
-    """Return a drive with its ways from rest and back, raised cosines, unless the controller makes them."""
+    """Return a drive with its leads from rest and back, raised cosines, unless the controller makes them."""
     count = lead_samples(controller_map)
     rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(count) / max(count, 1))
     return np.hstack([drive[:, :1] * rise, drive, drive[:, -1:] * rise[::-1]])
 
 
 def steep_leads(controller_map: ControllerMap, drive: np.ndarray) -> Iterator[str]:
-    """Yield what is wrong with the ways of a drive from rest and back.
+    """Yield the errors of a drive's leads from rest and back.
 
     Parameters
     ----------
     controller_map : ControllerMap
-        With the time that each way takes, and the slew limits; a controller makes its own ways with `drive_has_offset`.
+        Length of each lead, and the slew limits; a controller makes its own leads with `drive_has_offset`.
     drive : ndarray, shape (drives, samples)
-        In the units of the lab.
+        Drive in the units of the lab.
 
     Yields
     ------
     str
-        A clause for each drive that is beyond its slew limit there, without a full stop.
+        Clause for each drive that exceeds its slew limit in a lead, without a full stop.
     """
     for channel, row in zip(controller_map.drives, drive, strict=True):
-        # Of a raised cosine.
+        # Largest rate of a raised cosine.
         fastest = 0.5 * np.pi * max(abs(row[0]), abs(row[-1])) / controller_map.lead_seconds
         if not controller_map.drive_has_offset and 0.0 < channel.slew_limit < fastest:
             yield (
@@ -378,7 +378,7 @@ def operator_sheet(controller_map: ControllerMap, order: Order) -> str:
 
 
 def _ordered(controller_map: ControllerMap, run: str, drive: np.ndarray, seed: int) -> tuple[Order, TimeHistory]:
-    """Return the order of a drive, without the hash of its file, and what the file holds."""
+    """Return the order of a drive, without the hash of its file, and the content of the file."""
     rate, drives = controller_map.controller_rate, controller_map.drives
     there = controller_map.drives_to_controller(with_leads(controller_map, drive))
     samples = resampled(there, controller_map.sample_rate, rate)
@@ -418,14 +418,14 @@ def _ordered(controller_map: ControllerMap, run: str, drive: np.ndarray, seed: i
 
 
 def keep(partial: Path, path: Path) -> None:
-    """Bring a written file to the disk, and give it its name."""
+    """Flush a written file to disk, and give it its name."""
     with partial.open("rb+") as stream:
         os.fsync(stream.fileno())
     partial.replace(path)
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a text whole or not at all."""
+    """Write a text completely or not at all."""
     partial = path.with_name(f"{path.name}.part")
     try:
         partial.write_text(text, encoding="utf-8")
@@ -449,7 +449,7 @@ def utc(seconds: float) -> str:
 
 @contextmanager
 def written_into(folder: Path) -> Iterator[None]:
-    """Turn what the operating system says of a folder into one sentence."""
+    """Convert an error of the operating system for a folder to one sentence."""
     try:
         yield
     except OSError as error:

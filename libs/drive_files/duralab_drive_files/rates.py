@@ -1,4 +1,4 @@
-"""Band-limited interpolation: a record at another rate, at any instants, by a windowed sinc."""
+"""Band-limited interpolation of a record, at another rate or at any instants, by a windowed sinc."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 _ZERO_CROSSINGS = 48
 _KAISER_BETA = 9.0
-#: Share of half the lower rate up to which nothing is attenuated; above it the window's slope lies.
+#: Share of half the lower rate up to which nothing is attenuated; the slope of the window is above it.
 PASSED = 0.9
 _CHUNK = 20_000
 
@@ -17,18 +17,18 @@ def sampled_at(samples: np.ndarray, rate: float, instants: np.ndarray, *, new_ra
     Parameters
     ----------
     samples : ndarray, shape (channels, samples)
-        Beyond its ends it keeps its first and last values.
+        Record; beyond its ends it keeps its first and last values.
     rate : float
-        Of the record, in Hz.
+        Sample rate of the record, in Hz.
     instants : ndarray, shape (instants,)
-        In s from its first sample, 1 / `new_rate` apart.
+        Times in s from its first sample, 1 / `new_rate` apart.
     new_rate : float
-        In Hz.
+        New sample rate in Hz.
 
     Returns
     -------
     ndarray, shape (channels, instants)
-        In the same units.
+        Resampled record, in the same units.
     """
     scale = min(1.0, new_rate / rate)
     half = int(np.ceil(_ZERO_CROSSINGS / scale))
@@ -42,7 +42,7 @@ def sampled_at(samples: np.ndarray, rate: float, instants: np.ndarray, *, new_ra
         distance = taps[None, :] - (piece - whole)[:, None]
         shape = np.sqrt(np.clip(1.0 - (distance / half) ** 2, 0.0, None))
         weight = scale * np.sinc(scale * distance) * np.i0(_KAISER_BETA * shape) / np.i0(_KAISER_BETA)
-        # A constant stays what it is.
+        # A constant is not changed.
         weight /= weight.sum(axis=1, keepdims=True)
         rows = np.clip(whole[:, None] + taps[None, :] + half, 0, padded.shape[1] - 1)
         for channel, line in enumerate(padded):
@@ -56,14 +56,14 @@ def resampled(samples: np.ndarray, rate: float, new_rate: float) -> np.ndarray:
     Parameters
     ----------
     samples : ndarray, shape (channels, samples)
-        At `rate`.
+        Record at `rate`.
     rate, new_rate : float
-        In Hz.
+        Sample rates in Hz.
 
     Returns
     -------
     ndarray, shape (channels, new samples)
-        From the same first instant to nearly the same last.
+        Record from the same first instant to nearly the same last.
     """
     if rate == new_rate:
         return samples

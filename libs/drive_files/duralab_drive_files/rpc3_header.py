@@ -1,4 +1,4 @@
-"""The header of an RPC III time history: 128-byte records of a keyword and a value.
+"""Header of an RPC III time history: 128-byte records of a keyword and a value.
 
 Source: MTS, "RPC File Formats". The header is made of blocks of 512 bytes, four records each; a record is a keyword of
 32 bytes and a value of 96, both ended by NUL. `FORMAT`, `NUM_HEADER_BLOCKS` and `NUM_PARAMS` come first, in that order.
@@ -40,7 +40,7 @@ class TimeType(StrEnum):
 
 
 class ByteOrder(StrEnum):
-    """Byte order of the samples, as numpy writes it."""
+    """Byte order of the samples, as written by numpy."""
 
     LITTLE = "<"
     BIG = ">"
@@ -50,7 +50,7 @@ _CODES: Final = {DataType.SHORT_INTEGER: "i2", DataType.FLOATING_POINT: "f4"}
 
 
 def stored_type(data_type: DataType, order: ByteOrder) -> np.dtype:
-    """Return how numpy names a stored sample."""
+    """Return the numpy type of a stored sample."""
     return np.dtype(order.value + _CODES[data_type])
 
 
@@ -61,8 +61,8 @@ class Layout:
     Data are demultiplexed by groups: all points of a group of the first channel, then of the second, and so on.
 
     `channels`: 1 or more. `points_per_frame`, `points_per_group`: A group is a whole number of frames. `frames`: Frames
-    of data, without the half frames at both ends. `half_frames`: Half a frame more at the start and at the end.
-    `dtype`: Of one sample in the file.
+    of data, without the half frames at both ends. `half_frames`: Whether there is half a frame more at the start and at
+    the end. `dtype`: Type of one sample in the file.
     """
 
     channels: int
@@ -74,22 +74,22 @@ class Layout:
 
     @property
     def points(self) -> int:
-        """Points of each channel that the frames count."""
+        """Number of points of each channel in the frames."""
         return (self.frames + self.half_frames) * self.points_per_frame
 
     @property
     def groups(self) -> int:
-        """Groups, the last of which may be padded."""
+        """Number of groups, the last of which may be padded."""
         return -(-self.points // self.points_per_group)
 
     @property
     def group_bytes(self) -> int:
-        """Bytes of a group of all channels."""
+        """Size in bytes of a group of all channels."""
         return self.channels * self.points_per_group * self.dtype.itemsize
 
     @property
     def data_bytes(self) -> int:
-        """Bytes of all groups."""
+        """Size in bytes of all groups."""
         return self.groups * self.group_bytes
 
 
@@ -98,16 +98,16 @@ RECORD: Final = 128
 KEYWORD: Final = 32
 FIRST_KEYWORDS: Final = ("FORMAT", "NUM_HEADER_BLOCKS", "NUM_PARAMS")
 INT_FULL_SCALE: Final = 32752
-"""Integer at full scale that the description gives where a file gives none."""
+"""Integer at full scale in the description, for a file that states none."""
 
 MOST_BLOCKS: Final = 4096
-"""The description allows 256 blocks; writers with many channels and keywords of their own pass it."""
+"""Largest number of header blocks. The description allows 256; writers with many channels or keywords exceed it."""
 
 MOST_CHANNELS: Final = 1024
-"""The description allows 128 channels; other writers' files with more of them are read."""
+"""Largest number of channels. The description allows 128; files of other writers with more are read."""
 
 TRUE_LENGTH: Final = "SAMPLES"
-"""A keyword the description does not know: the samples of each channel without the padding of the last group.
+"""Keyword outside the description: the samples of each channel without the padding of the last group.
 
 `rpc3-file` has the same one, so each reads the other's true length.
 """
@@ -124,7 +124,7 @@ EnumT = TypeVar("EnumT", bound=Enum)
 
 @dataclass(frozen=True)
 class Header:
-    """The records of a header, by keyword in upper case, with the checks of what they may hold.
+    """Records of a header, by keyword in upper case, with checks of their values.
 
     `offsets`: Byte of each keyword's record. `size`: Bytes of the header; the data follow.
     """
@@ -135,7 +135,7 @@ class Header:
     size: int
 
     def error(self, keyword: str, expected: str) -> DriveFileError:
-        """Return what is wrong with a keyword's value."""
+        """Return the error of a keyword's value."""
         if keyword not in self.values:
             return DriveFileError(
                 f"the header lacks {keyword}; {expected} was expected.", path=self.path, offset=self.size
@@ -148,7 +148,7 @@ class Header:
         )
 
     def integer(self, keyword: str, *, smallest: int, largest: int, default: int | None = None) -> int:
-        """Return a whole number from `smallest` to `largest`; `default` where the keyword is missing or empty."""
+        """Return a whole number from `smallest` to `largest`; `default` if the keyword is missing or empty."""
         expected = f"a whole number from {smallest} to {largest}"
         text = self.values.get(keyword, "")
         if not text and default is not None:
@@ -176,7 +176,7 @@ class Header:
         return number
 
     def choice(self, keyword: str, kind: type[EnumT], default: EnumT) -> EnumT:
-        """Return a member of an enum by its value, or by its position from 1, as old files have it."""
+        """Return a member of an enum by its value, or by its position from 1, as in old files."""
         text = self.values.get(keyword, "").upper()
         members = list(kind)
         if not text:
@@ -191,7 +191,7 @@ class Header:
     def sample_rate(self) -> float:
         """Return the sample rate in hertz.
 
-        Where a whole number of hertz lies within 1e-6 and has the very digits of `DELTA_T`, that is meant.
+        A whole number of hertz within 1e-6 that has exactly the digits of `DELTA_T` is returned instead.
         """
         expected = "a time step in seconds, greater than 0"
         digits = self._decimal("DELTA_T", expected)
@@ -203,7 +203,7 @@ class Header:
         return rate_of_step(step, resolution=min(0.5 * last_digit, 1e-6 * step))
 
     def layout(self) -> Layout:
-        """Return where the samples lie."""
+        """Return the layout of the samples."""
         if self.values.get("FILE_TYPE", "TIME_HISTORY").upper() != "TIME_HISTORY":
             raise self.error("FILE_TYPE", "TIME_HISTORY")
         data_type = self.choice("DATA_TYPE", DataType, DataType.SHORT_INTEGER)
@@ -250,21 +250,21 @@ def parse_header(path: Path, content: bytes) -> Header:
         )
     for offset in range(3 * RECORD, parameters * RECORD, RECORD):
         keyword, value = _record(content, offset)
-        # Some writers leave empty records between; of a keyword that comes twice, the first counts.
+        # Some writers leave empty records between; of a repeated keyword, the first record counts.
         if keyword and keyword not in values:
             values[keyword], offsets[keyword] = value, offset
     return Header(path, values, offsets, size=size)
 
 
 def _record(content: bytes, offset: int) -> tuple[str, str]:
-    """Return keyword and value; what follows the first NUL is left over from the writer's memory."""
+    """Return keyword and value; bytes after the first NUL are left over from the writer's memory."""
     record = content[offset : offset + RECORD]
     keyword, value = record[:KEYWORD].partition(b"\0")[0], record[KEYWORD:].partition(b"\0")[0]
     return keyword.decode("latin-1").strip().upper(), value.decode("latin-1").strip()
 
 
 def compose_header(values: Mapping[str, str]) -> bytes:
-    """Return a header of these records, in this order, after the three that come first."""
+    """Return a header of these records, in this order, after the three first ones."""
     parameters = len(values) + 2
     blocks = -(-parameters * RECORD // BLOCK)
     first = {"FORMAT": values["FORMAT"], "NUM_HEADER_BLOCKS": str(blocks), "NUM_PARAMS": str(parameters)}

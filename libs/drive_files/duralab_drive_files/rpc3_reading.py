@@ -1,4 +1,4 @@
-"""Reading RPC III time histories: `.rsp`, `.drv`, `.tim`."""
+"""Reader of RPC III time histories: `.rsp`, `.drv`, `.tim`."""
 
 from __future__ import annotations
 
@@ -24,21 +24,21 @@ from duralab_drive_files.rpc3_header import (
 from duralab_drive_files.time_history import TimeHistory, unique_names
 
 PIECE_BYTES: Final = 1 << 18
-"""Bytes of the file that are in memory at a time; small enough to stay in the cache of a processor."""
+"""Size in bytes of the part of the file in memory; small enough for the cache of a processor."""
 
 PADDING_ATTRIBUTE: Final = "duralab.padding"
-"""Says in `TimeHistory.attributes` whether the padding of the last group was cut off or may still be there."""
+"""Key in `TimeHistory.attributes` of a sentence: whether the padding was cut off or may still be present."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rpc3File:
-    """An RPC III time history whose header was read and found consistent with the file's size.
+    """RPC III time history whose header was read and is consistent with the file's size.
 
-    `path`: The file. `header`: All its records. `layout`: Where the samples lie. `names`: Made unique; `labels` and
-    `units` as the file has them. Limits are not taken over, for writers leave them at ±1. `scales`, shape (channels):
-    What one integer is worth, in the channel's unit; 1 where numbers are stored as they are. `sample_rate`: In hertz.
-    `samples`: Of each channel, without padding where the file says how much of it there is. `length_known`: False where
-    the last samples may be padding. `trailing_bytes`: Bytes after the last group, which are not read.
+    `path`: The file. `header`: All its records. `layout`: Layout of the samples. `names`: Made unique; `labels` and
+    `units` as in the file. Limits are ignored, because writers leave them at ±1. `scales`, shape (channels): Value of
+    one integer, in the channel's unit; 1 if numbers are stored directly. `sample_rate`: In hertz. `samples`: Number of
+    samples of each channel, without padding if the file states its length. `length_known`: False if the last samples
+    may be padding. `trailing_bytes`: Number of bytes after the last group, which are not read.
     """
 
     path: Path
@@ -75,7 +75,7 @@ class Rpc3File:
             raise DriveFileError("the file became shorter while it was read.", path=self.path, offset=offset)
 
     def _demultiplex(self, groups: np.ndarray, first: int, out: np.ndarray) -> None:
-        """Put groups (group, channel, point) into their place in (channel, sample), in the channels' units."""
+        """Copy groups (group, channel, point) to their position in (channel, sample), in the channels' units."""
         start = first * self.layout.points_per_group
         for position, group in enumerate(groups):
             begin = start + position * self.layout.points_per_group
@@ -86,7 +86,7 @@ class Rpc3File:
             if self.layout.dtype.kind == "i":
                 np.multiply(stored, self.scales[:, np.newaxis], out=place)
             else:
-                # Rubbish may be a number that signals; it is refused below.
+                # Damaged data may be a signalling NaN; it is refused below.
                 with np.errstate(invalid="ignore"):
                     np.copyto(place, stored)
                 if not np.isfinite(place).all():
@@ -106,7 +106,7 @@ class Rpc3File:
 
     @property
     def attributes(self) -> dict[str, str]:
-        """All records of the header as they are, and a sentence about the padding."""
+        """All records of the header as stored, and a sentence about the padding."""
         if self.length_known:
             padding = self.layout.points - self.samples
             said = f"{padding} samples of padding at the end were cut off, as {TRUE_LENGTH} says"
@@ -121,28 +121,28 @@ class Rpc3File:
 def open_rpc3(path: Path) -> Rpc3File:
     """Read and check the header of an RPC III time history.
 
-    What real writers do is read: keywords that the description does not know, lower case, blanks at the ends, more
-    header blocks than records, Latin-1, bytes after the data. What would make the samples a guess is refused.
+    Deviations of real writers are accepted: keywords outside the description, lower case, blanks at the ends, more
+    header blocks than records, Latin-1, bytes after the data. Anything that makes the samples ambiguous is refused.
 
     Parameters
     ----------
     path : Path
-        A regular file.
+        Path of a regular file.
 
     Returns
     -------
     Rpc3File
-        Its header; `read` reads the samples.
+        File with its header; `read` reads the samples.
 
     Raises
     ------
     DriveFileError
-        Naming the byte and what was expected there.
+        With the byte and the expected content.
     """
     size = require_file(path)
     with opened(path), path.open("rb") as stream:
         content = stream.read(BLOCK)
-        # The count of blocks is looked at before so much is read.
+        # The number of blocks is checked before the blocks are read.
         announced = content[RECORD + 32 : 2 * RECORD].partition(b"\0")[0].strip()
         if announced.isdigit() and len(announced) < 6 and 1 < int(announced) <= MOST_BLOCKS:
             content += stream.read((int(announced) - 1) * BLOCK)
@@ -200,7 +200,7 @@ def read_rpc3(path: Path) -> TimeHistory:
     Parameters
     ----------
     path : Path
-        A regular file: `.rsp`, `.drv`, `.tim`.
+        Path of a regular file: `.rsp`, `.drv`, `.tim`.
 
     Returns
     -------
@@ -210,7 +210,7 @@ def read_rpc3(path: Path) -> TimeHistory:
     Raises
     ------
     DriveFileError
-        Naming the byte and what was expected there.
+        With the byte and the expected content.
     """
     file = open_rpc3(path)
     return TimeHistory(file.names, file.units, file.sample_rate, file.read(), file.attributes, file.labels)

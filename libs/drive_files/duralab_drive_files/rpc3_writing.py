@@ -1,4 +1,4 @@
-"""Writing RPC III time histories: drives and responses, 16-bit integers or 32-bit floating point."""
+"""Writer of RPC III time histories: drives and responses, 16-bit integers or 32-bit floating point."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from duralab_drive_files.rpc3_header import (
 from duralab_drive_files.time_history import TimeHistory
 
 CHANNELS_ALLOWED: Final = 128
-"""As the description allows; the reader takes more."""
+"""Largest number of channels in the description; the reader accepts more."""
 
 _SUFFIX_TIME_TYPES: Final = {".drv": TimeType.DRIVE, ".rsp": TimeType.RESPONSE}
 _FORMATS: Final = {ByteOrder.LITTLE: "BINARY_IEEE_LITTLE_END", ByteOrder.BIG: "BINARY_IEEE_BIG_END"}
 _KEPT: Final = ("DATE", "OPERATION")
-"""Attributes of a file that was read that are written again; so are those that begin with PARENT_."""
+"""Attributes of a read file that are written again; the same applies to those that begin with PARENT_."""
 
 
 @dataclass(frozen=True)
@@ -41,19 +41,20 @@ class Rpc3Settings:
         16-bit integers, which every tool reads, with an error of half a step: 1.5e-5 of the channel's full scale; or
         32-bit floating point, with 6e-8 of the sample.
     time_type : TimeType, optional
-        What it is; None takes it from the suffix `.drv` or `.rsp`, else from the attribute TIME_TYPE, else RESPONSE.
+        Type of the history; None takes it from the suffix `.drv` or `.rsp`, else from the attribute TIME_TYPE, else
+        RESPONSE.
     byte_order : ByteOrder
-        Of the samples.
+        Byte order of the samples.
     points_per_frame, points_per_group : int
         Powers of 2 in the ranges of the description: 256 to 16384, and 2048 to 16384.
     half_frames : bool
-        Say that the first and the last half frame of the samples are half frames; the samples then are a whole number
-        of frames, two or more.
+        Whether the first and the last half frame of the samples are stored as half frames; the samples then are a whole
+        number of frames, two or more.
 
     Raises
     ------
     DriveFileError
-        A value is not allowed.
+        If a value is not allowed.
     """
 
     data_type: DataType = DataType.SHORT_INTEGER
@@ -82,10 +83,10 @@ class Rpc3Settings:
 
 @dataclass(frozen=True)
 class WrittenHistory:
-    """A time history that was written, and what of its samples the file does not hold as they were.
+    """Result of writing a time history: its padding and the largest errors of the stored samples.
 
-    `padding`: Zeros that follow the samples, for groups are whole. `largest_errors`: For each channel the largest
-    difference between a sample and what the file holds of it, in the channel's unit, measured while it was written.
+    `padding`: Number of zeros after the samples, because groups are whole. `largest_errors`: For each channel the
+    largest difference between a sample and its stored value, in the channel's unit, measured while writing.
     """
 
     padding: int
@@ -101,19 +102,19 @@ def write_rpc3(
 ) -> WrittenHistory:
     """Write an RPC III time history.
 
-    Groups are written one after the other, so that memory beside the history is that of one group. The true length goes
-    into the keyword SAMPLES, which the description does not know: a tool that does not either reads the padding too.
+    Groups are written one after the other, so that memory beside the history is that of one group. The true length is
+    in the keyword SAMPLES, which the description does not define: a tool without it reads the padding too.
 
     Parameters
     ----------
     history : TimeHistory
-        One channel and one sample or more, all finite.
+        History with one channel and one sample or more, all finite.
     path : Path
         Path of the output; an existing file is replaced.
     settings : Rpc3Settings, optional
-        How it is stored: 16-bit integers where not given.
+        Storage settings; 16-bit integers if omitted.
     full_scales : sequence of float, optional
-        Largest magnitude that an integer of each channel can hold, in the channel's unit; its peak where not given.
+        Largest magnitude that an integer of each channel can hold, in the channel's unit; its peak if omitted.
 
     Returns
     -------
@@ -123,7 +124,7 @@ def write_rpc3(
     Raises
     ------
     DriveFileError
-        The format does not hold this history, or a sample is beyond its channel's full scale.
+        If the format cannot hold this history, or a sample exceeds its channel's full scale.
     """
     settings = settings or Rpc3Settings()
     count, samples = history.samples.shape
@@ -169,11 +170,11 @@ def _checked(full_scales: Sequence[float], peaks: np.ndarray, history: TimeHisto
 
 
 def _scales(peaks: np.ndarray, data_type: DataType) -> np.ndarray:
-    """Return what one stored number is worth where these are full scale; a silent channel has any."""
+    """Return the value of one stored number for these full scales; any value for a silent channel."""
     if data_type is DataType.FLOATING_POINT:
         return np.ones(peaks.size)
     scales = peaks / INT_FULL_SCALE
-    # A peak of a few denormals has no full scale that could be told.
+    # A peak of a few denormals has no full scale that a float can express.
     return np.where(scales >= np.finfo(np.float64).tiny, scales, 1.0)
 
 
@@ -204,7 +205,7 @@ def _about_the_file(history: TimeHistory, path: Path, settings: Rpc3Settings, la
 
 
 def _time_type(attribute: str, path: Path) -> TimeType:
-    """Return what the suffix says; an attribute counts where it says the same in more detail, or the suffix nothing."""
+    """Return the type of the suffix; an attribute counts if it agrees with the suffix, or the suffix has no type."""
     by_suffix = _SUFFIX_TIME_TYPES.get(path.suffix.lower())
     known = [kind for kind in TimeType if kind.value == attribute.upper() and kind is not TimeType.PEAK_PICK]
     if known and (by_suffix is None or _is_drive(known[0]) == _is_drive(by_suffix)):
@@ -234,7 +235,7 @@ def _about_the_channels(
 
 
 def _write_groups(path: Path, header: bytes, layout: Layout, samples: np.ndarray, scales: np.ndarray) -> np.ndarray:
-    """Write header and groups; return the largest difference of each channel between what was given and written."""
+    """Write header and groups; return the largest difference of each channel between given and stored samples."""
     largest = np.zeros(layout.channels)
     factors = scales[:, np.newaxis]
     with path.open("wb") as stream:

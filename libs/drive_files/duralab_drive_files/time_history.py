@@ -1,4 +1,4 @@
-"""Sampled signals with names and units, as a file of a controller holds them."""
+"""Sampled signals with names and units, as in a controller's file."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ class TimeHistory:
     Parameters
     ----------
     names, units : tuple of str
-        One for each row of `samples`.
+        Name and unit of each row of `samples`.
     sample_rate : float
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
     samples : ndarray, shape (channels, samples)
-        float64, each row in its channel's unit.
+        Samples as float64, each row in its channel's unit.
     attributes : mapping of str to str
-        What else the file says.
+        Further content of the file.
     labels : tuple of str
-        Names as the file has them, which need not be unique; empty where they are `names`.
+        Names as in the file, not necessarily unique; empty if they are `names`.
     """
 
     names: tuple[str, ...]
@@ -35,17 +35,17 @@ class TimeHistory:
 
 
 def unique_names(names: Iterable[str]) -> list[str]:
-    """Return the names, each once, in order.
+    """Return the names without repetitions, in order.
 
     Parameters
     ----------
     names : iterable of str
-        As a file has them.
+        Names as in a file.
 
     Returns
     -------
     list of str
-        An empty one becomes "channel_<place>", from 1; one that stood before gets "_2", "_3" and so on.
+        Names. An empty one becomes "channel_<place>", from 1; a repeated one gets "_2", "_3" and so on.
     """
     taken: set[str] = set()
     unique: list[str] = []
@@ -61,19 +61,19 @@ def unique_names(names: Iterable[str]) -> list[str]:
 
 
 def rate_of_step(step: float, *, resolution: float) -> float:
-    """Return the sample rate that a time step means.
+    """Return the sample rate of a time step.
 
     Parameters
     ----------
     step : float
-        In seconds, greater than 0.
+        Time step in seconds, greater than 0.
     resolution : float
-        Largest difference to the step of a whole number of hertz that is meant in its place.
+        Largest difference from the step of a whole number of hertz, up to which the whole number is returned.
 
     Returns
     -------
     float
-        In hertz.
+        Sample rate in hertz.
     """
     rate = 1 / step
     whole = round(rate)

@@ -1,4 +1,4 @@
-"""Signs of wheel-force transducers, and the point that their moments are about."""
+"""Signs of wheel-force transducers, and the reference point of their moments."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ COMPONENTS: Final = ("fx", "fy", "fz", "mx", "my", "mz")
 
 
 class WheelForceConvention(StrEnum):
-    """Axes of a wheel-force transducer as it leaves its interface."""
+    """Axes of a wheel-force transducer at the output of its interface."""
 
     ISO_8855 = "iso_8855"
     SWIFT_LEFT = "swift_left"
@@ -33,7 +33,7 @@ _TO_ISO: Final = MappingProxyType(
 
 
 def wheel_force_signs(convention: WheelForceConvention) -> tuple[int, ...]:
-    """Return the signs that turn a transducer's axes into those of ISO 8855.
+    """Return the signs that convert a transducer's axes to those of ISO 8855.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def wheel_force_signs(convention: WheelForceConvention) -> tuple[int, ...]:
     Notes
     -----
     Source: MTS, SWIFT Mini TI manual 568062, page 49, standard setting of the polarities: z up, y out of the vehicle,
-    moments by the right-hand rule, x forward on the left side and backward on the right. Where the polarities in the
+    moments by the right-hand rule, x forward on the left side and backward on the right. If the polarities in the
     calibration file were changed, map the six channels as responses with a sign of each.
     """
     return _TO_ISO[convention]
@@ -60,13 +60,13 @@ def moments_about(forces: np.ndarray, moments: np.ndarray, offset: np.ndarray) -
     Parameters
     ----------
     forces, moments : ndarray, shape (3, samples)
-        In N and N m, the moments about the transducer's centre.
+        Forces in N and moments in N m, the moments about the transducer's centre.
     offset : ndarray, shape (3,)
-        From the transducer's centre to the other point, in m.
+        Vector from the transducer's centre to the other point, in m.
 
     Returns
     -------
     ndarray, shape (3, samples)
-        In N m.
+        Moments in N m.
     """
     return moments - np.cross(offset, forces, axisb=0, axisc=0)

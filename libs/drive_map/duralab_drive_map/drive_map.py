@@ -1,4 +1,4 @@
-"""The drive map: forward and backward, exact at every amplitude."""
+"""Drive map: forward and backward, exact at every amplitude."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from duralab_drive_map.map_terms import (
 from duralab_drive_map.product_band import LARGEST_BAND_SHARE, ProductBand
 from duralab_spectra import as_record
 
-# Two frequencies that differ by less, relatively, are the same one, rounded.
+# Two frequencies with a smaller relative difference are equal, apart from rounding.
 _SAME_FREQUENCY: Final = 1e-9
 
 Adjust = Callable[[int, NDArray[np.float64]], NDArray[np.float64]]
@@ -42,13 +42,13 @@ class DriveMap:
     Parameters
     ----------
     names, units : tuple of str
-        One for each drive.
+        Name and unit of each drive.
     scale : tuple of float
         `s`: RMS of each drive in the record that the map is learned from, drive units, greater than 0.
     terms : tuple of MapTerm
-        Empty for the identity.
+        Terms of the map; empty for the identity.
     sample_rate : float
-        Of the drives, Hz.
+        Sample rate of the drives, Hz.
     highest_frequency : float
         Upper end of the identified band, Hz; above 0 and at most 0.45 of the sample rate, so that the fade has room.
 
@@ -99,12 +99,12 @@ class DriveMap:
 
     @property
     def is_identity(self) -> bool:
-        """Whether there is no term, so that drives stay as they are."""
+        """Whether there is no term, so that drives are not changed."""
         return not self.terms
 
     @cached_property
     def order(self) -> tuple[int, ...]:
-        """Drives in topological order: each stands behind those that it follows."""
+        """Drives in topological order: each comes after those that it follows."""
         order = dependency_order(self.terms, drives=len(self.names))
         if order is None:
             raise AssertionError("The terms were checked to close no cycle.")
@@ -116,17 +116,17 @@ class DriveMap:
         Parameters
         ----------
         drive : array_like, shape (n_u, samples)
-            `u`, drive units.
+            Drive `u`, drive units.
 
         Returns
         -------
         ndarray, shape (n_u, samples)
-            `v`, drive units; the drive itself where there is no term.
+            Mapped drive `v`, drive units; the drive itself if there is no term.
 
         Raises
         ------
         ValueError
-            The drive does not have the map's channels, or a value is not finite.
+            If the drive does not have the map's channels, or a value is not finite.
         """
         given = self._record(drive)
         if self.is_identity:
@@ -144,20 +144,20 @@ class DriveMap:
         Parameters
         ----------
         mapped : array_like, shape (n_u, samples)
-            `v`, drive units.
+            Mapped drive `v`, drive units.
         adjust : callable, optional
-            Called with each drive in topological order, before the drives that follow it are made, for instance to
-            hold its limits. Drives that follow it then follow what it returns.
+            Called with each drive in topological order, before the drives that follow it are computed, for example to
+            limit it. Drives that follow it then follow the returned samples.
 
         Returns
         -------
         ndarray, shape (n_u, samples)
-            `u`, drive units; the mapped drive itself where there is no term and nothing to adjust.
+            Drive `u`, drive units; the mapped drive itself if there is no term and no `adjust`.
 
         Raises
         ------
         ValueError
-            The drive does not have the map's channels, or a value is not finite.
+            If the drive does not have the map's channels, or a value is not finite.
         """
         given = self._record(mapped)
         if self.is_identity and adjust is None:
@@ -180,22 +180,22 @@ class DriveMap:
         Returns
         -------
         tuple of str
-            In the order of the terms.
+            Sentence parts in the order of the terms.
         """
         return tuple(self._text(term) for term in self.terms)
 
     def static_coefficient(self, term: MapTerm) -> float:
-        """Return how far a drive follows a product at 0 Hz.
+        """Return the coefficient with which a drive follows a product at 0 Hz.
 
         Parameters
         ----------
         term : MapTerm
-            Of this map.
+            Term of this map.
 
         Returns
         -------
         float
-            Unit of the follower over both units of the product.
+            Coefficient in the unit of the follower over both units of the product.
         """
         first, second = term.product
         return -term.coefficients[0] * self.scale[term.follower] / (self.scale[first] * self.scale[second])
@@ -206,14 +206,14 @@ class DriveMap:
         Parameters
         ----------
         names, units : tuple of str
-            Of the rig's drives.
+            Names and units of the rig's drives.
         sample_rate : float
-            Of the rig, Hz.
+            Sample rate of the rig, Hz.
 
         Raises
         ------
         ValueError
-            Names, units or the sample rate differ.
+            If names, units or the sample rate differ.
         """
         if names != self.names:
             raise ValueError(
@@ -233,17 +233,17 @@ class DriveMap:
             )
 
     def require_model(self, model: FrfModel) -> None:
-        """Refuse a model that the map does not go with.
+        """Refuse a model that does not fit the map.
 
         Parameters
         ----------
         model : FrfModel
-            From mapped drives to responses.
+            Model from mapped drives to responses.
 
         Raises
         ------
         ValueError
-            Its number of drives or its sample rate is another one, or the map acts above its identified band.
+            If its number of drives or its sample rate differs, or the map acts above its identified band.
         """
         if model.frf.shape[2] != len(self.names):
             raise ValueError(
@@ -256,7 +256,7 @@ class DriveMap:
                 f"The drive map is for drives of {self.sample_rate:g} Hz and the model for those of {sample_rate:g} "
                 "Hz; take both of one sample rate."
             )
-        # The band's end that was asked for lies less than one line above the last identified one.
+        # The requested end of the band is less than one line above the last identified one.
         if self.highest_frequency > highest + float(model.frequency[1]):
             raise ValueError(
                 f"The drive map acts up to {self.highest_frequency:g} Hz and the model is identified up to "

@@ -14,9 +14,9 @@ class FrfModel(Protocol):
     Parameters
     ----------
     frequency : ndarray, shape (lines,)
-        Hz, equally spaced from 0 to half the sample rate.
+        Frequencies in Hz, equally spaced from 0 to half the sample rate.
     frf : ndarray, shape (lines, n_y, n_u)
-        Response unit per drive unit, e^{+jwt}.
+        FRF matrix, response unit per drive unit, e^{+jwt}.
     identified : slice
         Lines at which `frf` is known; at least four.
     """

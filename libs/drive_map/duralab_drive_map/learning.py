@@ -1,4 +1,4 @@
-"""A drive map learned from one record of the rig: which products of drives explain what the FRF does not."""
+"""Learning of a drive map from one record of the rig: products of drives that explain the residual of the FRF."""
 
 from __future__ import annotations
 
@@ -27,20 +27,20 @@ from duralab_spectra import as_record, rms
 Estimate: TypeAlias = Callable[[NDArray[np.float64]], ModelT]
 # Share by which a term must lower the cross-validated residual.
 _LEAST_GAIN: Final = 0.02
-# Standard deviations that a term's coefficients must be away from 0, together.
+# Least distance of a term's coefficients from 0, together, in standard deviations.
 _LEAST_SIGNIFICANCE: Final = 4.0
-# The folds have a group of four pieces each.
+# Each of the two folds has a group of four pieces.
 _FEWEST_PIECES: Final = 8
 _MOST_TERMS: Final = 24
-# An FRF that is estimated on drives as they are takes a part of the arcs as its own, after each round less of it: with
-# two rounds a stiff front axle that is identified at 8 mm has 14 % after three playbacks, with three 9 %.
+# An FRF that is estimated on unmapped drives includes part of the arcs, less of it after each round: with two
+# rounds a stiff front axle that is identified at 8 mm has 14 % after three playbacks, with three 9 %.
 _MOST_ROUNDS: Final = 6
-# Share by which a round must lower what the FRF leaves unexplained for another one.
+# Share by which a round must lower the residual of the FRF for another round.
 _WORTH_A_ROUND: Final = 0.05
-# Share of the cross-validated residual from which on a term is not an artefact of a wrong FRF.
+# Share of the cross-validated residual above which a term is not an artefact of a wrong FRF.
 _BEYOND_DOUBT: Final = 0.2
-# Multiple of a drive's RMS from which on a record says more than the one before. At 1.0 and 1.65 a stiff front axle
-# came to larger errors than with the map before.
+# Multiple of a drive's RMS above which a record is more informative than the one before. At 1.0 and 1.65 a stiff
+# front axle reached larger errors than with the map before.
 _LOUDER: Final = 2.0
 # With fewer lines for each coefficient a fit follows noise.
 _LINES_PER_COEFFICIENT: Final = 4
@@ -48,16 +48,16 @@ _LINES_PER_COEFFICIENT: Final = 4
 
 @dataclass(frozen=True)
 class ChosenTerm:
-    """A term of a learned drive map and how well it is known.
+    """Term of a learned drive map and its uncertainty.
 
     Parameters
     ----------
     term : MapTerm
-        The term.
+        Term of the map.
     standard_deviation : tuple of float
-        Of each coefficient, no unit.
+        Standard deviation of each coefficient, no unit.
     significance : float
-        How many standard deviations the coefficients are away from 0, together.
+        Distance of the coefficients from 0, together, in standard deviations.
     residual : float
         Cross-validated residual energy with this term and those before it, over that without a term; 0 to 1.
     """
@@ -75,13 +75,13 @@ class LearnedDriveMap(Generic[ModelT]):
     Parameters
     ----------
     drive_map : DriveMap
-        The identity where no term was chosen.
+        Learned map; the identity if no term was chosen.
     model : FrfModel
-        From mapped drives to responses; the given model where no term was chosen or no estimate was asked for.
+        Model from mapped drives to responses; the given model if no term was chosen or no estimate was requested.
     chosen : tuple of ChosenTerm
-        In the order in which they were chosen.
+        Terms in the order in which they were chosen.
     remarks : tuple of str
-        Sentences about what was not chosen, and why.
+        Sentences about terms that were not chosen, with the reason.
     """
 
     drive_map: DriveMap
@@ -105,46 +105,46 @@ def learn_drive_map(
     """Learn a drive map from the record of an identification, or from a first playback.
 
     Candidates are all products of two drives for every drive. They are chosen one by one: the one that explains most of
-    what is left, among those that close no cycle, as long as the cross-validated residual falls by 2 % and the
-    coefficients are significant. Then the FRF is estimated again on the mapped drives and the choice made with it,
-    until a round lowers what is left by less than 5 %. A term that explains little must also lower what the new FRF
-    leaves by 2 %.
+    the residual, among those that close no cycle, as long as the cross-validated residual falls by 2 % and the
+    coefficients are significant. Then the FRF is estimated again on the mapped drives and the choice is repeated with
+    it, until a round lowers the residual by less than 5 %. A term that explains little must also lower the residual of
+    the new FRF by 2 %.
 
-    A map that is learned again keeps the terms of the one before, with new coefficients. It replaces that one only if
+    A map that is learned again keeps the terms of the previous one, with new coefficients. It replaces that one only if
     it lowers the cross-validated residual of the record by 2 %, and if the RMS of the drives of all products is twice
-    that in the record of the map before: a quieter record says less.
+    that in the record of the previous map: a quieter record is less informative.
 
     Parameters
     ----------
     drive : array_like, shape (n_u, samples)
-        As played, drive units; the whole record, fades and delays included.
+        Played drive, drive units; the whole record, fades and delays included.
     response : array_like, shape (n_y, samples)
-        As measured, response units, not limited to the control band.
+        Measured response, response units, not limited to the control band.
     model : FrfModel
-        Identified on the drives as they are, or on those that `start` maps.
+        Model identified on the unmapped drives, or on those that `start` maps.
     names, units : tuple of str
-        Of the drives.
+        Names and units of the drives.
     response_weight : array_like, shape (n_y,), optional
-        `W`: one over the target's RMS, 0 for a watched response. One over the RMS of each response where not given.
+        `W`: one over the target's RMS, 0 for a monitored response; if omitted, one over the RMS of each response.
     estimate : callable, optional
-        Function of the mapped drive, shape (n_u, samples), that estimates the model again, of the same record; the
-        given model stays where not given, as for a first playback.
+        Function of the mapped drive, shape (n_u, samples), that estimates the model again, from the same record; if
+        omitted, as for a first playback, the given model is kept.
     may_follow : sequence of bool, optional
-        Which drives may follow products: those under displacement control. A force-controlled drive moves along an arc
-        as it is. All where not given.
+        Whether each drive may follow products: True under displacement control. A force-controlled drive moves along an
+        arc anyway. All if omitted.
     start : DriveMap, optional
-        Map to learn again from a first playback; the identity where not given.
+        Map to learn again from a first playback; the identity if omitted.
 
     Returns
     -------
     LearnedDriveMap
-        Where the record is too short, or a map does no better than the one before: `start` or the identity, no chosen
+        If the record is too short, or a map is not better than the previous one: `start` or the identity, no chosen
         term, and a sentence.
 
     Raises
     ------
     ValueError
-        Records do not fit each other, the model or the names, or both `estimate` and `start` are given.
+        If records do not fit each other, the model or the names, or both `estimate` and `start` are given.
     """
     if estimate is not None and start is not None:
         raise ValueError(
@@ -184,7 +184,7 @@ def learn_drive_map(
 
 @dataclass(frozen=True)
 class _Record(Generic[ModelT]):
-    """A record, its pieces and what the identified model makes of it."""
+    """Record, its pieces and the residual of the identified model."""
 
     played: NDArray[np.float64]
     cut: PieceCut
@@ -193,7 +193,7 @@ class _Record(Generic[ModelT]):
     identity: DriveMap
     model: ModelT
     energy: float
-    """float: What the identified model leaves unexplained."""
+    """float: Energy that the identified model leaves unexplained."""
 
     def folds(self, model: ModelT) -> Folds:
         return Folds.of(self.pieces, model=model, weight=self.weight)
@@ -224,7 +224,7 @@ def _learn_in_rounds(
     *,
     estimate: Estimate[ModelT],
 ) -> LearnedDriveMap[ModelT]:
-    """Estimate the model again on mapped drives, choose again with it, and so on."""
+    """Repeat: estimate the model again on mapped drives, and choose again with it."""
     before = record.energy
     result = LearnedDriveMap(record.identity, record.model, (), remarks)
     for _ in range(_MOST_ROUNDS):
@@ -265,7 +265,7 @@ def _learn_again(record: _Record[ModelT], folds: Folds, start: DriveMap) -> Lear
 def _choose(
     folds: Folds, names: tuple[str, ...], *, kept: Sequence[Candidate] = ()
 ) -> tuple[list[Candidate], tuple[str, ...]]:
-    """Choose candidates one by one behind those that are kept, and say why one that explains enough was not chosen."""
+    """Choose candidates one by one after the kept ones, and report why one that explains enough was not chosen."""
     chosen = list(kept)
     residual = folds.cross_validated(chosen) if chosen else 1.0
     while len(chosen) < _MOST_TERMS:
@@ -310,7 +310,7 @@ def _confirmed(
 ) -> tuple[tuple[ChosenTerm, ...], ModelT, float, tuple[str, ...]]:
     """Drop the last candidates as long as a model that is estimated without them explains the record as well.
 
-    The products also explain where the FRF is wrong. An FRF that is estimated on mapped drives no longer needs them for
+    The products also explain errors of the FRF. An FRF that is estimated on mapped drives no longer needs them for
     that.
     """
     chosen = _fitted(folds, candidates)
@@ -332,7 +332,7 @@ def _confirmed(
 
 
 def _in_doubt(chosen: tuple[ChosenTerm, ...]) -> bool:
-    """Whether the last term explains so little that it may be an artefact of a wrong FRF."""
+    """Return whether the last term explains so little that it may be an artefact of a wrong FRF."""
     *_, before, last = (1.0, *(each.residual for each in chosen))
     return last > (1.0 - _BEYOND_DOUBT) * before
 
@@ -390,7 +390,7 @@ def _weight(measured: NDArray[np.float64], given: ArrayLike | None) -> NDArray[n
 
 
 def _too_little(pieces: RecordPieces) -> str | None:
-    """Return why a record cannot tell which products count, or None."""
+    """Return why a record is too short to select products, or None."""
     if pieces.count < _FEWEST_PIECES:
         seconds = (_FEWEST_PIECES + 1) * PIECE_SECONDS / 2.0
         return (

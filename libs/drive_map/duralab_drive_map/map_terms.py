@@ -13,12 +13,12 @@ from numpy.typing import NDArray
 COEFFICIENTS: Final = 3
 """Number of coefficients of a term: value, rate and acceleration of the product."""
 _UNIT_FREQUENCY: Final = 10.0
-"""Frequency in Hz at which all coefficients count alike."""
+"""Frequency in Hz at which all coefficients have the same weight."""
 
 
 @dataclass(frozen=True)
 class MapTerm:
-    """One product of two drives that one drive follows.
+    """Product of two drives that one drive follows.
 
     Parameters
     ----------
@@ -32,7 +32,7 @@ class MapTerm:
     Raises
     ------
     ValueError
-        An index is negative, the product is not in rising order, or a coefficient is not finite.
+        If an index is negative, the product is not in rising order, or a coefficient is not finite.
     """
 
     follower: int
@@ -56,7 +56,7 @@ def powers_of_frequency(frequency: NDArray[np.float64]) -> NDArray[np.complex128
 
 
 def dependency_order(terms: Iterable[MapTerm], *, drives: int) -> tuple[int, ...] | None:
-    """Return the drives so that each stands behind those that it follows, or None where they follow in a circle."""
+    """Return the drives so that each comes after those that it follows, or None if they follow in a cycle."""
     leaders: list[set[int]] = [set() for _ in range(drives)]
     for term in terms:
         leaders[term.follower].update(term.product)
@@ -70,7 +70,7 @@ def dependency_order(terms: Iterable[MapTerm], *, drives: int) -> tuple[int, ...
 
 
 def closes_cycle(follower: int, product: Sequence[int], terms: Sequence[MapTerm]) -> bool:
-    """Whether a further term would make a drive follow itself, directly or through other drives."""
+    """Return whether a further term would make a drive follow itself, directly or through other drives."""
     reached, todo = set[int](), [follower]
     while todo:
         leader = todo.pop()
@@ -95,7 +95,7 @@ def unit_of_ratio(unit: str, *, over: Sequence[str]) -> str:
 
 
 def product_text(first: str, second: str) -> str:
-    """Write a product of two drives."""
+    """Return a product of two drives as text."""
     return _power(first, 2) if first == second else f"{first} × {second}"
 
 

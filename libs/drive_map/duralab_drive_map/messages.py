@@ -1,4 +1,4 @@
-"""A learned drive map as a message of the contract, and back."""
+"""Conversion of a learned drive map to a message of the contract, and back."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ def to_message(learned: LearnedDriveMap[Any]) -> identifier_pb2.DriveMap:
     Parameters
     ----------
     learned : LearnedDriveMap
-        Without terms in the message where nothing was chosen.
+        Learned map; the message has no terms if none were chosen.
 
     Returns
     -------
     identifier_pb2.DriveMap
-        Without names, units and sample rate, which the message that holds it states.
+        Message without names, units and sample rate, which the message that holds it states.
     """
     drive_map = learned.drive_map
-    # Where nothing was chosen the map is the one before, which another message holds.
+    # If no term was chosen, the map is the previous one, which another message holds.
     sentences = drive_map.describe() if learned.chosen else ()
     return identifier_pb2.DriveMap(
         scale=to_array(np.array(drive_map.scale)),
@@ -60,23 +60,23 @@ def from_message(
     Parameters
     ----------
     message : identifier_pb2.DriveMap
-        As received; nothing in it is trusted.
+        Message as received; nothing in it is trusted.
     drives : sequence of Channel
-        Of the model that the map goes with.
+        Drives of the model that the map is for.
     sample_rate : float
-        Of that model, Hz.
+        Sample rate of that model, Hz.
 
     Returns
     -------
     DriveMap
-        The identity where no term was chosen.
+        Drive map; the identity if no term was chosen.
 
     Raises
     ------
     ArrayError
-        An array has a wrong shape or type.
+        If an array has a wrong shape or type.
     ValueError
-        A value is out of range, or the terms close a cycle.
+        If a value is out of range, or the terms close a cycle.
     """
     scale = from_array(message.scale, field="drive_map.scale", shape=(len(drives),), dtype=np.float64)
     terms: list[MapTerm] = []

@@ -1,4 +1,4 @@
-"""Least squares of what an FRF leaves unexplained on the products of drives, from pieces of one record."""
+"""Least squares of the residual of an FRF on the products of drives, from pieces of one record."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ from duralab_drive_map.product_band import ProductBand
 from duralab_spectra import hann_periodic
 
 PIECE_SECONDS: Final = 8.0
-"""Length of a piece; pieces overlap by half."""
+"""Length of a piece in seconds; pieces overlap by half."""
 _GROUP: Final = 4
-# Of the diagonal, so that candidates that are nearly equal have an answer.
+# Share of the diagonal that is added to it, so that nearly equal candidates have a solution.
 _RIDGE: Final = 1e-6
 
 Candidate = tuple[int, int]
-"""A follower and the number of a product."""
+"""Index of a follower and number of a product."""
 
 
 class PieceCut:
-    """Division of records into Hann pieces that overlap by half, and the lines that are kept.
+    """Division of records into Hann pieces that overlap by half, and the kept lines.
 
-    `samples`: Length of the records. `sample_rate`: Of the records, Hz. `identified`: Lowest and highest frequency of
-    the identified band, Hz.
+    `samples`: Length of the records. `sample_rate`: Sample rate of the records, Hz. `identified`: Lowest and highest
+    frequency of the identified band, Hz.
     """
 
     def __init__(self, samples: int, *, sample_rate: float, identified: tuple[float, float]) -> None:
@@ -40,7 +40,7 @@ class PieceCut:
         self._window = hann_periodic(self._length)
         self._starts = range(0, self._band.short_samples - self._length + 1, self._length // 2)
         self.frequency: NDArray[np.float64] = lines[self._inside]
-        """ndarray, shape (lines,): Hz."""
+        """ndarray, shape (lines,): Frequency in Hz."""
 
     def lowered(self, record: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return a record in the band at the rate of products of its rows."""
@@ -71,7 +71,7 @@ class RecordPieces:
     frequency: NDArray[np.float64]
     scale: NDArray[np.float64]
     followers: NDArray[np.bool_]
-    """Shape (n_u,): which drives may follow products."""
+    """Whether each drive may follow products, shape (n_u,)."""
 
     @property
     def count(self) -> int:
@@ -110,19 +110,18 @@ def cut_record(
 def model_at(frequency: NDArray[np.float64], model: FrfModel) -> NDArray[np.complex128]:
     """Return a model's FRF at other lines of its identified band."""
     known = model.frequency[model.identified]
-    # It takes half a second to import, and a service shall start at once.
+    # The import takes half a second, and a service must start at once.
     from scipy.interpolate import CubicSpline
 
     return CubicSpline(known, model.frf[model.identified], axis=0)(np.clip(frequency, known[0], known[-1]))
 
 
 class TermRegression:
-    """Normal equations of all candidates, of some pieces of a record; columns are formed when they are asked for.
+    """Normal equations of all candidates, of some pieces of a record; columns are computed on request.
 
     Minimises `|R − W H S c P|²` with `R = W (Y − H U)` over the real coefficients `c` of the chosen candidates.
-
-    `pieces`: Of the record. `used`, shape (pieces,): Which of them count. `gain`, shape (lines, n_y, n_u): `W H S`.
-    `residual`, shape (lines, n_y, pieces): `R`.
+    `pieces`: Pieces of the record. `used`, shape (pieces,): Whether each piece counts. `gain`, shape (lines, n_y,
+    n_u): `W H S`. `residual`, shape (lines, n_y, pieces): `R`.
     """
 
     def __init__(
@@ -140,7 +139,7 @@ class TermRegression:
         self._gram = np.matmul(gain.conj().transpose(0, 2, 1), gain)
         self.energy = float(np.sum(np.abs(own) ** 2))
         """float: `|R|²`."""
-        # (lines, n_u, products): what the drives would have to do, against the products.
+        # (lines, n_u, products): correlation of the drives that would remove the residual with the products.
         wanted = np.matmul(gain.conj().transpose(0, 2, 1), np.matmul(own, self._conjugate.transpose(0, 2, 1)))
         self.right: NDArray[np.float64] = np.einsum("mf,fap->apm", self._power.conj(), wanted).real
         """ndarray, shape (n_u, products, coefficients): Right-hand side of each candidate."""
@@ -158,7 +157,7 @@ class TermRegression:
         return blocks
 
     def column(self, candidate: Candidate) -> NDArray[np.float64]:
-        """Return what all candidates have in common with one: shape (n_u, products, coefficients, coefficients)."""
+        """Return the normal matrix of all candidates with one, shape (n_u, products, coefficients, coefficients)."""
         if candidate not in self._columns:
             drive, number = candidate
             shared = np.einsum("fpk,fk->fp", self._conjugate, self._product[:, number])
@@ -181,9 +180,9 @@ class TermRegression:
         return matrix, np.concatenate([self.right[each] for each in chosen])
 
     def gains(self, chosen: Sequence[Candidate]) -> NDArray[np.float64]:
-        """Return by how much each further candidate lowers the residual's energy, shape (n_u, products); 0 without one.
+        """Return the decrease of the residual energy by each further candidate, shape (n_u, products); 0 for none.
 
-        That is the Schur complement's gain: `r = b_c − C N⁻¹ b`, `S = N_c − C N⁻¹ Cᵀ`, gain `rᵀ S⁻¹ r`.
+        It is the gain of the Schur complement: `r = b_c − C N⁻¹ b`, `S = N_c − C N⁻¹ Cᵀ`, gain `rᵀ S⁻¹ r`.
         """
         blocks, right = self.blocks, self.right
         if chosen:
@@ -214,8 +213,8 @@ class TermRegression:
 class Folds:
     """Normal equations of a whole record and of its two folds, alternate groups of four pieces.
 
-    `whole`, `first`, `second`: Of all pieces and of each fold's. `pieces`: Of the record. `gain`, shape (lines, n_y,
-    n_u): `W H S`. `residual`, shape (lines, n_y, pieces): `R`.
+    `whole`, `first`, `second`: Equations of all pieces and of each fold's. `pieces`: Pieces of the record. `gain`,
+    shape (lines, n_y, n_u): `W H S`. `residual`, shape (lines, n_y, pieces): `R`.
     """
 
     whole: TermRegression
@@ -230,7 +229,7 @@ class Folds:
         """Form the normal equations with a model's FRF, `W = diag(weight)`."""
         frf = model_at(pieces.frequency, model)
         residual = weight[:, None] * (pieces.response - np.matmul(frf, pieces.drive))
-        # A drive that rests in the record says nothing about itself.
+        # A drive that rests in the record gives no information about itself.
         moves = np.any(pieces.drive != 0.0, axis=(0, 2)) & pieces.followers
         gain = np.ascontiguousarray(weight[:, None] * frf * (pieces.scale * moves))
         odd = np.arange(pieces.count) // _GROUP % 2 == 1
@@ -240,15 +239,15 @@ class Folds:
         return cls(whole, first, second, pieces, gain, residual)
 
     def cross_validated(self, chosen: Sequence[Candidate]) -> float:
-        """Return the energy that is left in each fold with the coefficients of the other one, over the energy of both.
+        """Return the energy left in each fold with the coefficients of the other one, over the energy of both.
 
-        1 without a term, and where there is no energy at all.
+        1 without a term, and if there is no energy at all.
         """
         left = self.second.left(chosen, self.first.fit(chosen)) + self.first.left(chosen, self.second.fit(chosen))
         return left / self.whole.energy if self.whole.energy > 0.0 else 1.0
 
     def covariance(self, chosen: Sequence[Candidate], coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the covariance of the coefficients, from how much the pieces of the record disagree.
+        """Return the covariance of the coefficients, from the differences between the pieces of the record.
 
         Source: H. White, "A heteroskedasticity-consistent covariance matrix estimator", Econometrica 48 (1980); pieces
         that overlap by half count with their neighbours' products (W. Newey, K. West, Econometrica 55, 1987).

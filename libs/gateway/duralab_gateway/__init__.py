@@ -50,7 +50,7 @@ _MODULES = ("channels", "rig", "description", "gateway_process", "server")
 
 
 def __getattr__(name: str) -> object:
-    """Import what talks to the bus when it is first used: a rig is loaded and played without one."""
+    """Import the modules that use the bus at first use: a rig is loaded and played without them."""
     for module in _MODULES if name in __all__ else ():
         found = getattr(import_module(f"{__name__}.{module}"), name, None)
         if found is not None:

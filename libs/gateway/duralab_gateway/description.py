@@ -1,4 +1,4 @@
-"""The description of a rig, and the check of a drive against it before anything moves."""
+"""Description of a rig, and the check of a drive against it before anything moves."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _BLOCKS_A_SECOND = 10
 
 
 def complete_description(given: rig_pb2.RigDescription) -> rig_pb2.RigDescription:
-    """Return a description with block size, static response and content hash, where they were not given.
+    """Return a description with block size, static response and content hash, if these were not given.
 
     Parameters
     ----------
@@ -27,12 +27,12 @@ def complete_description(given: rig_pb2.RigDescription) -> rig_pb2.RigDescriptio
     Returns
     -------
     rig_pb2.RigDescription
-        Ten blocks a second, responses of zero at rest, and the SHA-256 of the description itself.
+        Description with ten blocks a second, responses of zero at rest, and the SHA-256 of the description itself.
 
     Raises
     ------
     ConfigError
-        A name, a rate, a limit or the static response cannot be; one sentence.
+        A name, a rate, a limit or the static response is not possible; one sentence.
     """
     description = rig_pb2.RigDescription()
     description.CopyFrom(given)
@@ -96,9 +96,9 @@ def check_drive(
 ) -> None:
     """Check a drive (channels, samples), each row in its channel's unit, against a rig's channels and limits.
 
-    `steps_in` says whether the rig goes from zero to the first sample at once. Raises `FaultError` INVALID_ARGUMENT
-    with the field, where rate, channels, units, length, a value, a limit or a slew rate is not allowed. Every bad
-    channel of the first kind of error is named at once.
+    `steps_in` states whether the rig goes from zero to the first sample at once. Raises `FaultError` INVALID_ARGUMENT
+    with the field, if rate, channels, units, length, a value, a limit or a slew rate is not allowed. Every bad channel
+    of the first kind of error is named at once.
     """
     rig = description.rig
     if sample_rate != description.sample_rate:
@@ -154,7 +154,7 @@ def _refusal(sentence: str, *, field: str) -> FaultError:
 
 
 def _beyond(channel: array_pb2.Channel, row: np.ndarray, sample_rate: float, *, steps_in: bool) -> str:
-    """Say what of one channel is beyond its limits, or return an empty text."""
+    """Return as text where one channel exceeds its limits, or an empty string."""
     worst = int(np.argmax(np.maximum(row - channel.maximum, channel.minimum - row)))
     if not channel.minimum <= row[worst] <= channel.maximum:
         return (

@@ -1,4 +1,4 @@
-"""A playback rig with the sensors and calculated channels of its table: described, watched and played."""
+"""Playback rig with the sensors and calculated channels of its table: described, watched and played."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from duralab_proto.v1 import rig_pb2
 
 
 class EquippedRig(PlaybackRig):
-    """A rig that says of its sensors what a table says; raises `ConfigError` where the table does not fit."""
+    """Rig with the sensors and calculated channels of a table; raises `ConfigError` if the table does not fit."""
 
     def __init__(self, rig: PlaybackRig, channels: ChannelTable) -> None:
         self._rig = rig
@@ -34,7 +34,7 @@ class EquippedRig(PlaybackRig):
         return _CalculatedFrf(knowing, self._rows) if self._rows and isinstance(knowing, KnowsItsFrf) else knowing
 
     def describe(self) -> rig_pb2.RigDescription:
-        """Return what it is, with sensors and calculated responses."""
+        """Return its description, with sensors and calculated responses."""
         return self._description
 
     def playback(self, drive: np.ndarray, run: Run) -> DrivePlayback:
@@ -57,7 +57,7 @@ class EquippedRig(PlaybackRig):
 
 
 class _CalculatedFrf:
-    """The FRF of a rig with calculated responses."""
+    """FRF of a rig with calculated responses."""
 
     def __init__(self, rig: KnowsItsFrf, rows: list[dict[int, float]]) -> None:
         self._rig, self._rows = rig, rows

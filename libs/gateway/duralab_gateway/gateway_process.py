@@ -1,4 +1,4 @@
-"""Rigs as a process, or within one: configuration, spools, servers, and an end in order."""
+"""Process of rigs, and rigs within another process: configuration, spools, servers, and an orderly end."""
 
 from __future__ import annotations
 
@@ -22,35 +22,35 @@ from duralab_settings import SettingsError, explain_validation, load_plugin, one
 class GatewayConfig(ServiceConfig):
     """Configuration of a process that serves rigs."""
 
-    #: Play every drive in real time, whatever its request says: what a real rig does, and a rehearsal of one. The
-    #: responses of a simulated rig are the same.
+    #: Play every drive in real time, regardless of its request: as a real rig does, and its rehearsal. The responses of
+    #: a simulated rig are the same.
     real_time: bool = False
-    #: Where signal blocks lie on disk until the recorder has stored them, so that they survive this process; in memory
-    #: where not given.
+    #: Folder on disk for signal blocks until the recorder has stored them, so that they survive this process; in memory
+    #: if omitted.
     spool_folder: Path | None = None
-    #: Bound of all of it, in bytes.
+    #: Bound of all spools together, in bytes.
     spool_bytes: int = Field(default=512 * 2**20, ge=16 * 2**20)
-    #: How long a simulation waits for the recorder where there is no more room, in s, before it ramps down. A rig that
-    #: plays in real time cannot wait.
+    #: Time that a simulation without spool room waits for the recorder, in s, before it ramps down. A rig that plays in
+    #: real time cannot wait.
     spool_wait_seconds: float = Field(default=30.0, ge=0.0, le=3600.0)
     #: Sensors and calculated channels of the responses, by the rig's name.
     channels: dict[str, ChannelTable] = Field(default_factory=dict)
 
 
 def open_spools(bus: Bus, config: GatewayConfig) -> SpoolSpace:
-    """Return where signal blocks are kept; what a killed predecessor left there is offered to the recorder.
+    """Return the space for signal blocks; blocks of a killed predecessor are offered to the recorder.
 
     Parameters
     ----------
     bus : Bus
-        Where the rigs are served.
+        Bus of the rigs.
     config : GatewayConfig
-        With the folder of the spools, or none.
+        Configuration with or without a folder of the spools.
 
     Returns
     -------
     SpoolSpace
-        On disk or in memory, for all rigs of the process.
+        Space on disk or in memory, for all rigs of the process.
     """
     if config.spool_folder is None:
         return SpoolSpace(config.spool_bytes)
@@ -66,14 +66,14 @@ def require_served(channels: Mapping[str, ChannelTable], rigs: Sequence[str]) ->
     Parameters
     ----------
     channels : mapping of str to ChannelTable
-        Of the configuration.
+        Channel tables of the configuration.
     rigs : sequence of str
         Names of the rigs served.
 
     Raises
     ------
     ConfigError
-        A table is of another rig; one sentence.
+        If a table is of another rig; one sentence.
     """
     if idle := [name for name in channels if name not in rigs]:
         raise ConfigError(f"channels: {', '.join(idle)} is not a rig served here; those are {', '.join(rigs)}.")
@@ -91,23 +91,23 @@ def serving(
     Parameters
     ----------
     bus : Bus
-        Where they are served, each under the name in its description.
+        Bus on which they are served, each under the name in its description.
     *rigs : Rig
-        One or more.
+        One or more rigs.
     config : GatewayConfig
         Pace and spools; its `bus` is not used.
     approach : Approach
-        Ways of all of them to the first sample of a drive and back.
+        Ramps of all rigs to the first sample of a drive and back.
 
     Yields
     ------
     list of RigServer
-        In the order of the rigs.
+        Servers in the order of the rigs.
 
     Raises
     ------
     ConfigError
-        A description or a table of channels cannot be served; one sentence.
+        If a description or a table of channels cannot be served; one sentence.
     """
     spools = open_spools(bus, config)
     servers: list[RigServer] = []
@@ -126,7 +126,7 @@ def serving(
                     channels=config.channels.get(description.rig, ChannelTable()),
                 )
             )
-            # Last: whoever sees a rig may ask it.
+            # Last: a client that sees a rig may send queries to it.
             bus.declare_live(SERVICE, description.rig)
         yield servers
     finally:
@@ -137,23 +137,24 @@ def serving(
 def serve(*rigs: Rig, approach: Approach = Approach(), real_time: bool = True) -> None:  # noqa: B008 - frozen
     """Run a process that serves rigs until it is ended: `python FILE --config FILE`.
 
-    The process has a log, health, metrics and an end in time as every service; see `duralab_bus.service_main`.
+    Like every service, the process has a log, health, metrics and an end within a time limit; see
+    `duralab_bus.service_main`.
 
     Parameters
     ----------
     *rigs : Rig
-        One or more.
+        One or more rigs.
     approach : Approach
-        Ways of all of them to the first sample of a drive and back.
+        Ramps of all rigs to the first sample of a drive and back.
     real_time : bool
-        Whether the rigs play in real time where the configuration says nothing; False for a simulation.
+        Whether the rigs play in real time if the configuration does not state it; False for a simulation.
 
     Raises
     ------
     ValueError
-        No rig is given.
+        If no rig is given.
     SystemExit
-        With code 2 and one sentence on standard error, where the configuration or a description cannot be.
+        With code 2 and one sentence on standard error, if the configuration or a description is not possible.
     """
     if not rigs:
         raise ValueError("serve() has no rig; give it one or more.")
@@ -172,7 +173,7 @@ class _RealTimeConfig(GatewayConfig):
 
 
 GROUP: Final = "duralab.rigs"
-"""Entry points of plug-ins: each names a class of a rig, called with its settings as keyword arguments."""
+"""Group of the entry points of plug-ins: each names a class of a rig, called with its settings as keywords."""
 
 _METHODS: Final = ("describe", "play", "stop", "reset")
 
@@ -185,24 +186,24 @@ class PluginGatewayConfig(_RealTimeConfig):
 
 
 def rig_plugin(name: str, settings: Mapping[str, Any]) -> Rig:
-    """Return the rig that an installed distribution offers.
+    """Return the rig of an installed plug-in.
 
     Parameters
     ----------
     name : str
-        Of an entry point in the group `duralab.rigs`.
+        Name of an entry point in the group `duralab.rigs`.
     settings : mapping
-        Keyword arguments of the class that it names.
+        Keyword arguments of the class that the entry point names.
 
     Returns
     -------
     Rig
-        With the four methods of a rig.
+        Rig with the four methods.
 
     Raises
     ------
     ConfigError
-        No plug-in or more than one has the name, it cannot be imported, it is no class with the four methods, or its
+        No plug-in or more than one has the name, it cannot be imported, it is not a class with the four methods, or its
         settings are not allowed; one sentence.
     """
     field = f"rigs.{name}"

@@ -1,4 +1,4 @@
-"""May the rig play: what it does, the latch of a stop, and the names that were played. Safe for threads."""
+"""Interlock of a rig: its mode, the latch of a stop, and the names of played runs. Safe for threads."""
 
 from __future__ import annotations
 
@@ -7,14 +7,14 @@ import threading
 from duralab_bus import FaultError
 from duralab_proto.v1 import query_pb2, rig_pb2
 
-#: Longest reason that is kept, and longest name of who resets; they travel with every state.
+#: Longest kept reason, and longest name of the person who resets; every state carries them.
 LONGEST_REASON = 300
 LONGEST_NAME = 80
-#: A stop takes the rest of a block and a ramp: less than a second on the shipped rigs, several times that where Drake
-#: plays slower than real time, and up to 20 s where a specimen's `approach` says so.
+#: A stop takes the rest of a block and a ramp: less than a second on the shipped rigs, several times that if Drake
+#: plays slower than real time, and up to 20 s if a specimen's `approach` states so.
 REST_SECONDS = 60.0
-#: Names of so many playbacks, and ids of so many resets, are remembered. They guard against doing a query twice, which
-#: would come within seconds; so old ones may be forgotten, and a rig that runs for months does not grow.
+#: Number of remembered names of playbacks, and of ids of resets. They prevent the repetition of a query, which would
+#: come within seconds; so old ones may be forgotten, and the memory of a rig that runs for months does not grow.
 REMEMBERED_RUNS = 10_000
 
 
@@ -29,19 +29,19 @@ class Interlock:
         self._newest_reason = ""
         self._reset_name, self._reset_reason = "", ""
         self.trips = 0
-        """How often it was tripped so far."""
+        """Number of trips so far."""
         self._run = ""
         self._mode: rig_pb2.RigMode = rig_pb2.RIG_MODE_IDLE
         self._awaited = ""
         self.fraction = 0.0
-        """Share of the run that is played, 0 to 1."""
+        """Played share of the run, 0 to 1."""
         self._stop = threading.Event()
-        # A dict keeps the order in which the names came.
+        # A dict keeps the order of the names.
         self._runs: dict[str, None] = {}
         self._resets: dict[str, None] = {}
 
     def state(self) -> rig_pb2.RigState:
-        """Return the state as the contract puts it; with a run until it rests, latched or not."""
+        """Return the state as a message; with a run until the rig rests, latched or not."""
         with self._changed:
             return rig_pb2.RigState(
                 rig=self._rig,
@@ -54,7 +54,7 @@ class Interlock:
             )
 
     def begin(self, run: str) -> None:
-        """Take the rig for a playback; `end` must follow."""
+        """Reserve the rig for a playback; `end` must follow."""
         with self._changed:
             if self._latched:
                 raise FaultError(
@@ -73,20 +73,20 @@ class Interlock:
             self._run, self.fraction, self._mode = run, 0.0, rig_pb2.RIG_MODE_SETTLING
 
     def enter(self, mode: rig_pb2.RigMode, *, awaited: str = "") -> bool:
-        """Say what the playback under way does now, and what it waits for; return whether that is new."""
+        """Set the mode of the present playback and what it waits for; return whether that is new."""
         with self._changed:
             was = self._mode, self._awaited
             self._mode, self._awaited = mode, awaited
             return was != (mode, awaited)
 
     def end(self) -> None:
-        """Give the rig back, at rest."""
+        """Release the rig, at rest."""
         with self._changed:
             self._run, self.fraction, self._mode, self._awaited = "", 0.0, rig_pb2.RIG_MODE_IDLE, ""
             self._changed.notify_all()
 
     def trip(self, reason: str) -> str:
-        """Latch, so that a playback under way ramps down; the first reason stays. Return this one, shortened."""
+        """Latch, so that a present playback ramps down; the first reason is kept. Return this one, shortened."""
         reason = reason or "stopped on request"
         with self._changed:
             self.trips += 1
@@ -98,11 +98,11 @@ class Interlock:
             return self._newest_reason
 
     def wait_for_stop(self, seconds: float) -> bool:
-        """Wait for at most so long; return whether the playback has to ramp down."""
+        """Wait for at most this time; return whether the playback must ramp down."""
         return self._stop.wait(seconds) if seconds > 0.0 else self._stop.is_set()
 
     def wait_for_rest(self) -> rig_pb2.RigState:
-        """Wait until nothing plays; return the state then."""
+        """Wait until the rig plays nothing; return the state then."""
         with self._changed:
             if not self._changed.wait_for(lambda: not self._run, REST_SECONDS):
                 raise FaultError(
@@ -124,7 +124,7 @@ class Interlock:
             _remember(self._resets, command)
 
     def reset(self, *, seen: int, name: str = "", reason: str = "") -> None:
-        """Clear the latch and keep who did it and why; a rig that is not latched stays unchanged."""
+        """Clear the latch and keep the name and the reason; a rig that is not latched stays unchanged."""
         with self._changed:
             if not self._latched:
                 return

@@ -1,4 +1,4 @@
-"""One playback on the bus: paced, streamed block by block, watched, and ramped down where something trips."""
+"""Playback on the bus: paced, streamed block by block, monitored, and ramped down after a trip."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from duralab_proto.v1 import query_pb2, rig_pb2
 
 COMMANDER_GONE = "its commander is gone"
 _STATE_SECONDS = 0.5
-#: Paced in real time, the player is ahead of the clock by a slice; so a stop is heard within one.
+#: Paced in real time, the player is ahead of the clock by a slice; so a stop is noticed within one.
 _PACED_SECONDS = 0.02
 _ROOM_POLL_SECONDS = 0.01
 
@@ -27,8 +27,8 @@ _ROOM_POLL_SECONDS = 0.01
 class PlaybackSession:
     """Playbacks of drives on one rig; the interlock admits one at a time.
 
-    `latch` latches the rig for a reason and tells everybody. A simulation waits `spool_wait_seconds` for room in the
-    spool, where signal blocks are kept until the recorder has stored them.
+    `latch` latches the rig for a reason and publishes its state. A simulation waits `spool_wait_seconds` for room in
+    the spool, where signal blocks are kept until the recorder has stored them.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class PlaybackSession:
         self._interlock = interlock
         ending = [dog for dog in rig.watchdogs if dog.level is not Level.WARNING]
         self._monitor = WatchdogMonitor(ending, sample_rate=self._rate)
-        # One monitor for each: every response is reported once a run, whatever the others do.
+        # One monitor for each level: every response is reported once a run, independent of the others.
         self._warning_monitors = [
             WatchdogMonitor([dog], sample_rate=self._rate) for dog in rig.watchdogs if dog.level is Level.WARNING
         ]
@@ -67,7 +67,7 @@ class PlaybackSession:
     def play(
         self, request: rig_pb2.PlayRequest, drive: np.ndarray, call: Call, *, real_time: bool
     ) -> rig_pb2.PlayResult:
-        """Play a checked drive on a rig that the interlock has given."""
+        """Play a checked drive on a rig that the interlock has reserved."""
         run = Run(
             request.run,
             seed=request.seed,
@@ -78,8 +78,8 @@ class PlaybackSession:
         )
         playback = self._rig.playback(drive, run)
         rate, limit = self._rate, self._description.block_samples
-        # Blocks of a playback that runs ahead of the clock are published together: each message costs the bus and the
-        # recorder far more than what is in it, and these few milliseconds are not seen. Watched is every block.
+        # Blocks of a playback that is faster than real time are published together: each message costs the bus and the
+        # recorder far more than its content, and these few milliseconds are not visible. Every block is monitored.
         size = min(playback.block_samples, limit) if real_time else limit
         if real_time:
             playback.cut(_PACED_SECONDS)
@@ -111,7 +111,8 @@ class PlaybackSession:
             self._log.warning("broken off", run=request.run, reason=str(error))
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error), field="drive.samples") from error
         except Exception as error:
-            # By a defect, or because its bus is gone: it is not known to rest. A stop and a trip are latched already.
+            # After a defect, or a closed bus, it is not known whether the rig rests. A stop and a trip are latched
+            # already.
             if moved and not self._interlock.wait_for_stop(0.0):
                 self._latch(f"run {request.run!r} was broken off by a defect ({type(error).__name__}: {error})")
             raise
@@ -147,7 +148,7 @@ class PlaybackSession:
         return result
 
     def _settle(self, run: Run, playback: DrivePlayback, clock: Clock, call: Call) -> None:
-        """Bring the rig to the drive's first sample; its way there is watched, and no part of the stream."""
+        """Bring the rig to the drive's first sample; its approach is monitored, and is not part of the stream."""
         for block in spans(playback.approach(), "approach the first sample", SpanKind.PLAYBACK):
             ends = run.wait_for_stop(clock.ahead(block))
             trip = self._watch(block)
@@ -176,7 +177,7 @@ class PlaybackSession:
                 self._break_off(run, playback, publish, clock, trip or shortage)
             now = time.monotonic()
             self._interlock.fraction = done / samples
-            # The bus thins progress out; the state stream goes to everybody.
+            # The bus drops surplus progress; the state stream is public.
             left = (now - began) * (samples - done) / done
             call.progress("playing", done / samples, remaining_seconds=left, detail=run.name)
             if now - reported >= _STATE_SECONDS:
@@ -184,7 +185,7 @@ class PlaybackSession:
                 self._report_state()
 
     def _come_to_rest(self, run: Run, playback: DrivePlayback, clock: Clock, call: Call) -> None:
-        """Bring the rig back to zero after a drive that ended elsewhere; all of it was played, whatever happens now."""
+        """Bring the rig back to zero after a drive with another end; a failure now does not affect the played drive."""
         if playback.rests_at_zero:
             return
         run.phase = Phase.RAMPING_DOWN
@@ -202,9 +203,9 @@ class PlaybackSession:
             self._log.warning("failed on its way to rest", run=run.name, reason=str(error))
 
     def _lack_of_room(self, publisher: StreamPublisher, call: Call, *, wait: bool) -> str:
-        """Wait until what is played next can be kept for the recorder; return why it cannot, or an empty text.
+        """Wait until the next blocks can be kept for the recorder; return why they cannot, or an empty string.
 
-        A rig in real time cannot wait; a simulation stands still meanwhile.
+        A rig in real time cannot wait; a simulation pauses meanwhile.
         """
         deadline = time.monotonic() + (self._spool_wait_seconds if wait else 0.0)
         while shortage := publisher.shortage:
@@ -224,14 +225,14 @@ class PlaybackSession:
         call.progress(sentence, self._interlock.fraction, detail=run)
 
     def _must_end(self, call: Call, seconds: float) -> bool:
-        """Wait for at most so long; return at once, and whether, a stop or a commander that went ends the run."""
+        """Wait for at most `seconds`, or until a stop; return whether a stop or a lost commander ends the run."""
         if self._goes_on:
             time.sleep(seconds)
             return False
         return self._interlock.wait_for_stop(seconds) or call.cancelled
 
     def _watch(self, block: Block) -> str:
-        """Return what a watchdog found, for which the run has to end; a run that cannot be stopped latches only."""
+        """Return the trip of a watchdog that ends the run; a run that cannot be stopped only latches."""
         for monitor in tuple(self._unwarned):
             if (crossed := monitor.first_trip(block)) is not None:
                 self._unwarned.remove(monitor)
@@ -250,11 +251,11 @@ class PlaybackSession:
     def _break_off(
         self, run: Run, playback: DrivePlayback, publish: BlockPublisher | None, clock: Clock, trouble: str
     ) -> None:
-        """Latch, ramp down and raise what the commander is told; published is what follows a drive that has begun.
+        """Latch, ramp down and raise the commander's fault; the ramp is published if the drive has begun.
 
-        `trouble` is what the rig itself found, empty where it was stopped or its commander went.
+        `trouble` is the rig's own finding, empty if it was stopped or its commander was lost.
         """
-        # Where it was stopped, it is latched already; a reset that waits for the rest is to find no other trip.
+        # A stopped rig is latched already; a reset that waits for the rest must not find another trip.
         if trouble or not self._interlock.wait_for_stop(0.0):
             self._latch(trouble or COMMANDER_GONE)
         reason = self._interlock.state().reason
@@ -264,7 +265,7 @@ class PlaybackSession:
         ramp = playback.ramp_down()
         block = next(ramp, None)
         while block is not None:
-            # One ahead: only who has seen the next knows whether this is the last.
+            # One block ahead: only the next block shows whether this one is the last.
             following = next(ramp, None)
             time.sleep(clock.ahead(block))
             if publish is not None:

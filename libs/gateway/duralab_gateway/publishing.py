@@ -16,9 +16,9 @@ _NOTHING = np.empty((0, 0))
 
 
 class BlockPublisher:
-    """Publishes the blocks of one run, slices of a block together, and counts them.
+    """Publisher of the blocks of one run: gathers slices of a block, and counts the blocks.
 
-    `size` is how many samples are gathered, `limit` how many message may hold, and `hold` keeps all of them back
+    `size` is the number of gathered samples, `limit` the largest number in a message, and `hold` keeps all of them back
     until the run is over.
     """
 
@@ -34,10 +34,10 @@ class BlockPublisher:
         self._slices: list[Block] = []
         self.blocks = 0
         self.refusal = ""
-        """Why a block could not be published; it goes out with the next one."""
+        """Reason why a block could not be published; the block is sent with the next one."""
 
     def __call__(self, block: Block, *, last: bool) -> None:
-        """Take a block; publish what is gathered where that is enough, or the last."""
+        """Add a block; publish the gathered ones if they are enough, or the last."""
         self._slices.append(block)
         gathered = not self._hold and sum(part.drive.shape[1] for part in self._slices) >= self._size
         if last or gathered:
@@ -74,7 +74,7 @@ class BlockPublisher:
 
 
 class Clock:
-    """Says how far a playback is ahead of real time, where it has to keep to it; runs from its first block on."""
+    """Clock that a playback in real time must keep to; it runs from the first block on."""
 
     def __init__(self, rate: float, *, real_time: bool) -> None:
         self._rate = rate
@@ -83,7 +83,7 @@ class Clock:
         self._started = 0.0
 
     def ahead(self, block: Block) -> float:
-        """Return for how many seconds to wait at the end of a block."""
+        """Return the time in s to wait at the end of a block."""
         if not self.real_time:
             return 0.0
         if self._origin is None:
@@ -93,12 +93,12 @@ class Clock:
 
 LARGEST_RATE = 60.0
 _POSES = 10
-# Nobody stores poses: a view that missed the last seconds of them may still have them.
+# No service stores poses: a view that missed the last seconds can still request them.
 _KEPT_BYTES = 2**20
 
 
 class PoseStream:
-    """Gathers and publishes the poses of one rig."""
+    """Publisher that gathers the poses of one rig."""
 
     def __init__(self, bus: Bus, rig: str) -> None:
         self._publisher = bus.publisher(bus.keys.rig_pose(rig), spools=SpoolSpace(8 * _KEPT_BYTES))
@@ -112,7 +112,7 @@ class PoseStream:
         self._next = 0.0
 
     def add(self, seconds: float, frames: Callable[[], np.ndarray | None]) -> None:
-        """Take the frames (bodies, 12) at a time of the run; not asked for where they would come too often."""
+        """Add the frames (bodies, 12) at a time of the run; not requested if they would come too often."""
         if seconds < self._next or (shown := frames()) is None:
             return
         self._next = seconds + 1.0 / LARGEST_RATE
@@ -122,7 +122,7 @@ class PoseStream:
             self.flush()
 
     def flush(self) -> None:
-        """Publish the samples that are still buffered."""
+        """Publish the poses that are still buffered."""
         if not self._times:
             return
         block = rig_pb2.PoseBlock(

@@ -22,7 +22,7 @@ class Phase(Enum):
 
 
 class Run:
-    """A run under way, as its rig sees it.
+    """Present run, as its rig sees it.
 
     Parameters
     ----------
@@ -33,11 +33,11 @@ class Run:
     real_time : bool
         Whether the drive is played in real time. A real rig always does.
     report : callable
-        Sends a sentence of progress to the commander, and the share of the drive that is played where it is known.
+        Sends a sentence of progress to the commander, and the played share of the drive if it is known.
     stopping : callable
-        Given a time in s, waits so long for a stop; returns whether one came.
+        Given a time in s, waits for a stop for at most that time; returns whether one came.
     waiting : callable
-        Publishes as the rig's state what the run waits for.
+        Publishes in the rig's state what the run waits for.
     """
 
     def __init__(
@@ -64,28 +64,28 @@ class Run:
         Parameters
         ----------
         sentence : str
-            What it does.
+            Present activity.
         fraction : float, optional
-            Share of the drive that is played, 0 to 1; what the gateway knows where not given.
+            Played share of the drive, 0 to 1; the gateway's value if omitted.
         """
         self._report(sentence, None if fraction is None else min(max(fraction, 0.0), 1.0))
 
     def wait_for(self, sentence: str) -> None:
-        """Say in the rig's state and to the commander what the run waits for, and that it still does.
+        """Publish in the rig's state and to the commander what the run waits for; call again while it waits.
 
         Parameters
         ----------
         sentence : str
-            E.g. "the response file run_3.rsp".
+            Awaited object, e.g. "the response file run_3.rsp".
         """
         self._waiting(sentence)
         self.report(f"waiting for {sentence}")
 
     @property
     def stopped(self) -> bool:
-        """Whether `play` has to end early: the rig was stopped, or no client waits for the run any more.
+        """Whether `play` must end early: the rig was stopped, or no client waits for the run any more.
 
-        False on the way down, which is played to its end.
+        False during the ramp down, which is played to its end.
         """
         return self.wait_for_stop(0.0)
 
@@ -95,88 +95,90 @@ class Run:
 
 
 class RunEndedError(FaultError):
-    """A run that ended before anything moved here: its commander gets the fault, and the rig does not latch."""
+    """A run that ended before anything moved: its commander gets the fault, and the rig does not latch."""
 
 
 class Rig(Protocol):
-    """A rig with a controller: what a gateway needs of it to put it on the bus.
+    """Rig with a controller: the interface that a gateway needs to put it on the bus.
 
-    The gateway checks every drive, plays one at a time, ramps to the first sample and back to zero, publishes what was
-    measured, watches its limits, latches and resets. It calls `play` on one thread at a time, and `stop` on any.
+    The gateway checks every drive, plays one at a time, ramps to the first sample and back to zero, publishes the
+    measurements, monitors its limits, latches and resets. It calls `play` on one thread at a time, and `stop` on any.
     """
 
     def describe(self) -> rig_pb2.RigDescription:
-        """Return what the rig is; asked once.
+        """Return the description of the rig; called once.
 
         Returns
         -------
         rig_pb2.RigDescription
             Names, channels, units and hard limits, sample rate in Hz, longest drive in s. A `watchdog` of a response is
-            watched. `static_response` is zero, `block_samples` a tenth of a second, and `content_hash` that of the
-            description where they are not given. `publishes_after_run` makes the gateway give the whole drive to one
-            call of `play`; `cannot_be_stopped` makes a run continue to its end. Campaigns wait for a person before
-            their first playback unless it states `simulated`.
+            monitored. If omitted, `static_response` is zero, `block_samples` a tenth of a second, and `content_hash`
+            that of the description. `publishes_after_run` makes the gateway give the whole drive to one call of `play`;
+            `cannot_be_stopped` makes a run continue to its end. Campaigns wait for a person before their first playback
+            unless it states `simulated`.
         """
         ...
 
     def play(self, commands: np.ndarray, run: Run) -> np.ndarray:
-        """Play a piece of a run and return what was measured meanwhile; it takes as long as the rig does.
+        """Play a piece of a run and return the measurements; the call takes as long as the motion.
 
         Parameters
         ----------
         commands : (drives, samples)
-            Each row in its drive's unit, in the order of the description. The first piece continues from zero, each
-            other from the last value of the piece before. At most `block_samples`, or all at once, see `describe`.
+            Commands, each row in its drive's unit, in the order of the description. The first piece continues from
+            zero, each other from the last value of the piece before. At most `block_samples`, or all at once, see
+            `describe`.
         run : Run
-            The run under way: its seed, what people are to know, and whether it is stopped.
+            Present run: its seed, its reports, and whether it is stopped.
 
         Returns
         -------
         ndarray, (responses, samples)
-            Each row in its response's unit; fewer samples only where `run.stopped`.
+            Responses, each row in its unit; fewer samples only if `run.stopped`.
 
         Raises
         ------
         RigFaultError
-            The rig cannot continue; one sentence. The gateway latches, and no way down is played.
+            If the rig cannot continue; one sentence. The gateway latches, and no ramp down is played.
         """
         ...
 
     def stop(self, reason: str) -> None:
         """End a waiting `play` soon; called on every latch, also at rest, from any thread.
 
-        The gateway plays the way down to zero afterwards: do not take the pressure away here. What keeps people safe is
-        the controller's emergency stop and never this.
+        The gateway plays the ramp down to zero afterwards: do not remove the pressure here. The safety of people
+        depends on the controller's emergency stop and never on this method.
 
         Parameters
         ----------
         reason : str
-            Why, as text.
+            Reason as text.
         """
         ...
 
     def reset(self) -> None:
-        """Make ready again after a latch; called at rest.
+        """Make the rig ready again after a latch; called at rest.
 
         Raises
         ------
         RigFaultError
-            It must not be reset now; one sentence says why. The latch stays.
+            If it must not be reset now; one sentence with the reason. The latch stays.
         """
         ...
 
 
 class PlaybackRig(Protocol):
-    """A rig that makes a playback of a drive automatically, as simulated ones do; `StepwiseRig` makes one of any `Rig`.
+    """Rig that makes its own playback of a drive, as simulated ones do; `StepwiseRig` makes one of any `Rig`.
 
-    `approach`: Ways to the first sample and back. `watchdogs`: What makes it ramp down and latch while it plays.
+    `approach`: Ramps to the first sample and back. `watchdogs`: Limits at which it ramps down and latches while it
+    plays.
     """
 
     approach: Approach
     watchdogs: tuple[Watchdog, ...]
 
     def describe(self) -> rig_pb2.RigDescription:
-        """Return what the rig is; asked once."""
+        """Return the description of the rig; called once."""
         ...
 
     def playback(self, drive: np.ndarray, run: Run) -> DrivePlayback:
@@ -184,7 +186,7 @@ class PlaybackRig(Protocol):
         ...
 
     def stop(self, reason: str) -> None:
-        """Hear of a latch; see `Rig.stop`."""
+        """Handle a latch; see `Rig.stop`."""
 
     def reset(self) -> None:
         """Make ready again; see `Rig.reset`."""
@@ -201,24 +203,24 @@ class KnowsItsFrf(Protocol):
 
 @runtime_checkable
 class ShowsFrames(Protocol):
-    """A rig that knows where its bodies are."""
+    """Rig with the positions of its bodies."""
 
     def frames(self) -> np.ndarray:
-        """Return (bodies, 12), in the order of the description: rotation row by row, then the origin in m."""
+        """Return frames (bodies, 12), in the order of the description: rotation row by row, then the origin in m."""
         ...
 
 
 @runtime_checkable
 class KnowsMore(Protocol):
-    """A playback that adds to its answer, once its blocks are published."""
+    """Playback that adds to its result, after its blocks are published."""
 
     def complete(self, result: rig_pb2.PlayResult) -> None:
-        """Add what only this playback knows."""
+        """Add the data that only this playback has."""
         ...
 
 
 class StepwiseRig:
-    """A playback rig made of a `Rig` and its description: plays drives piece by piece, with a way in and out."""
+    """Playback rig made of a `Rig` and its description: plays drives piece by piece, with ramps in and out."""
 
     def __init__(self, rig: Rig, description: rig_pb2.RigDescription, *, approach: Approach) -> None:
         self.rig = rig
@@ -232,7 +234,7 @@ class StepwiseRig:
         self._frames = rig.frames if isinstance(rig, ShowsFrames) else lambda: None
 
     def describe(self) -> rig_pb2.RigDescription:
-        """Return what the rig is."""
+        """Return the description of the rig."""
         return self._description
 
     def playback(self, drive: np.ndarray, run: Run) -> FollowedDrive:
@@ -245,7 +247,7 @@ class StepwiseRig:
             response_names=[channel.name for channel in description.responses],
             approach=self.approach,
             sample_rate=description.sample_rate,
-            # Whoever measures at the end gets each of the ways and the drive in one piece.
+            # A rig that measures at the end gets each ramp and the drive in one piece.
             block_samples=_WHOLE if description.publishes_after_run else description.block_samples,
             stopped=lambda: run.stopped,
             frames=self._frames,
@@ -260,5 +262,5 @@ class StepwiseRig:
         self.rig.reset()
 
 
-#: Longer than any drive.
+#: Number of samples above that of any drive.
 _WHOLE = 2**40

@@ -28,7 +28,7 @@ _RIG: Final = ("rig",)
 
 
 class RigMetrics:
-    """Metrics of a rig: is it latched, does it play, how fast, and how often its playbacks ended."""
+    """Metrics of a rig: whether it is latched or plays, its speed, and the number of its ended playbacks."""
 
     def __init__(self, metrics: Metrics, rig: str, state: Callable[[], rig_pb2.RigState]) -> None:
         self._rig = rig
@@ -51,28 +51,28 @@ class RigMetrics:
         )
 
     def played(self, result: rig_pb2.PlayResult, *, seconds: float) -> None:
-        """Count a playback that came to its end."""
+        """Count a completed playback."""
         self._playbacks.add(self._rig, "OK")
         self._seconds.add(self._rig, amount=seconds)
         self._factor = {(self._rig,): result.real_time_factor}
 
     def broken_off(self, code: str) -> None:
-        """Count one that did not, with the fault's code."""
+        """Count an aborted playback, with the fault's code."""
         self._playbacks.add(self._rig, code)
 
     def _read(self) -> Mapping[tuple[str, ...], float]:
         return self._factor
 
 
-#: Of one answer; each line of a 6 by 4 rig takes 384 bytes.
+#: Largest number of lines of one answer; each line of a 6 by 4 rig takes 384 bytes.
 MOST_LINES = 200_000
 
 
 def answer_frf(rig: object, description: rig_pb2.RigDescription, request: rig_pb2.RigFrfRequest) -> rig_pb2.RigFrf:
     """Return the FRF (frequencies, responses, drives) of a rig that knows it, at frequencies in Hz.
 
-    Raises `FaultError` UNIMPLEMENTED where the rig does not know its FRF, INVALID_ARGUMENT where a frequency is none of
-    its own.
+    Raises `FaultError` UNIMPLEMENTED if the rig does not know its FRF, INVALID_ARGUMENT if a frequency is outside 0 to
+    half its sample rate, or the number of frequencies is not allowed.
     """
     name, rate = description.rig, description.sample_rate
     if not isinstance(rig, KnowsItsFrf):
@@ -99,34 +99,34 @@ def answer_frf(rig: object, description: rig_pb2.RigDescription, request: rig_pb
     )
 
 
-#: What the contract calls every process that serves rigs.
+#: Name in the contract of every process that serves rigs.
 SERVICE: Final = "rig_sim"
 
 
 class RigServer:
-    """Serves one rig: description, play, stop, reset, state, FRF, its signal stream and its poses.
+    """Server of one rig: description, play, stop, reset, state, FRF, its signal stream and its poses.
 
-    Anyone who makes one declares the rig live afterwards, and calls `close` before the bus closes.
+    The caller declares the rig live afterwards, and calls `close` before the bus closes.
 
     Parameters
     ----------
     bus : Bus
-        Where the rig is served, under the name in its description.
+        Bus of the rig, under the name in its description.
     rig : PlaybackRig
-        The rig; a `StepwiseRig` where it is a `Rig`.
+        Rig to serve; a `StepwiseRig` for a `Rig`.
     spools : SpoolSpace
-        Where signal blocks are kept until the recorder has stored them.
+        Space for signal blocks until the recorder has stored them.
     spool_wait_seconds : float
-        How long a simulation waits for room there, in s.
+        Time for which a simulation waits for room there, in s.
     real_time : bool
-        Play every drive in real time, regardless of what its request says.
+        Whether to play every drive in real time, regardless of its request.
     channels : ChannelTable
         Sensors and calculated channels that are added to the responses.
 
     Raises
     ------
     ConfigError
-        The table does not fit the rig, or a sensor in its description cannot be; one sentence.
+        If the table does not fit the rig, or a sensor in its description is not possible; one sentence.
     """
 
     def __init__(
@@ -171,7 +171,7 @@ class RigServer:
         bus.serve(keys.rig_state(self.name), rig_pb2.StateRequest, lambda *_: self._interlock.state())
 
     def close(self) -> None:
-        """End a playback that may be under way; nothing plays afterwards."""
+        """End a present playback; nothing plays afterwards."""
         self._trip("the service ends")
 
     def _answer_frf(self, request: rig_pb2.RigFrfRequest, _call: Call) -> rig_pb2.RigFrf:
@@ -200,8 +200,8 @@ class RigServer:
             self._publish_state()
 
     def stop(self, reason: str) -> None:
-        """Latch, and make what plays ramp down; does not wait for it."""
-        # Everybody hears of the stop now, and of the rest afterwards.
+        """Latch, and ramp down a present playback; does not wait for it."""
+        # The stop is published now, and the rest afterwards.
         self._latch(reason)
         self._log.warning("stopped", reason=self._interlock.state().reason)
 
@@ -214,13 +214,13 @@ class RigServer:
         seen = self._interlock.trips
         _check_said(request)
         if request.command:
-            # Whatever it finds: an old command must not clear a latch that is set later.
+            # In any state of the rig: an old command must not clear a latch that is set later.
             try:
                 self._interlock.claim(check_run(request.command))
             except KeyNameError as error:
                 raise FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field="command") from error
         if self._interlock.state().mode == rig_pb2.RIG_MODE_INTERLOCKED:
-            # A latch is not cleared over a rig that is still on its way down, nor one that is set meanwhile.
+            # Neither a latch of a rig that still ramps down nor a latch set meanwhile is cleared.
             self._interlock.wait_for_rest()
             self._make_ready(seen, request)
             self._publish_state()
@@ -236,7 +236,7 @@ class RigServer:
         try:
             self._interlock.reset(seen=seen, name=request.name, reason=request.reason)
         except FaultError:
-            # It was stopped while it was made ready, and may have forgotten that.
+            # The rig was stopped during its reset, and may have lost that stop.
             self._stop_rig(self._interlock.state().reason)
             raise
 
@@ -252,21 +252,21 @@ class RigServer:
             return
         try:
             self._rig.stop(reason)
-        except Exception:  # noqa: BLE001 - a stop latches and comes to rest whatever the controller says
+        except Exception:  # noqa: BLE001 - a stop latches and comes to rest regardless of the controller
             self._log.exception("the rig could not be told to stop")
 
     def _publish_state(self) -> None:
-        # Reading and sending in one piece: else a state could overtake the one that followed it.
+        # Read and sent under one lock: otherwise a state could overtake a later one.
         with self._publishing:
             try:
                 self._states.put(self._interlock.state())
             except SpoolFullError as error:
-                # Whoever asks is told; and no stop may fail because nobody stores that it came.
+                # Queries still return the state; and no stop may fail because its state is not stored.
                 self._log.warning("a state is not published", reason=str(error))
 
 
 def _check_said(request: rig_pb2.ResetRequest) -> None:
-    # Unlike a stop, which is carried out whatever its reason is, a reset may be refused.
+    # Unlike a stop, which is carried out regardless of its reason, a reset may be refused.
     for field, longest in (("name", LONGEST_NAME), ("reason", LONGEST_REASON)):
         said = getattr(request, field)
         if len(said) > longest:
@@ -284,16 +284,16 @@ def serve_refusal(bus: Bus, rig: str, reason: str) -> None:
     Parameters
     ----------
     bus : Bus
-        Where it would have been served.
+        Bus on which it would have been served.
     rig : str
-        Its name.
+        Name of the rig.
     reason : str
-        Why it cannot be used, one sentence.
+        Reason why it cannot be used, one sentence.
 
     Raises
     ------
     FaultError
-        To each client, from its query.
+        Raised to each client, from its query.
     """
 
     def refuse(_request: object, _call: Call) -> NoReturn:

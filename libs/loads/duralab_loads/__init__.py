@@ -1,4 +1,4 @@
-"""Load histories: rainflow and pseudo-damage, and what is done with a measured one before a test.
+"""Load histories: rainflow counting and pseudo-damage, and preparation of a measured history for a test.
 
 Plain functions on records of shape (channels, samples); every one returns a new record.
 """

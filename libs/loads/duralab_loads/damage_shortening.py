@@ -1,4 +1,4 @@
-"""Shortening a load history to the sections that carry its damage."""
+"""Shortening of a load history to the sections that carry its damage."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from duralab_loads.load_cycles import count_load_cycles, pseudo_damage
 from duralab_spectra import as_record
 
 _TIGHTEN = 0.7
-"""Where the joined sections keep less than was asked, what may still be lost shrinks by this factor."""
+"""Factor by which the allowed loss shrinks if the joined sections keep less than requested."""
 
 _MOST_TRIES = 60
-"""After these, what may be lost is 5e-10 of what it was: every window with damage is kept."""
+"""Number of tries, after which the allowed loss is 5e-10 of its start: every window with damage is kept."""
 
 
 @dataclass(frozen=True)
@@ -28,11 +28,11 @@ class Shortened:
     Parameters
     ----------
     samples : ndarray, shape (channels, kept samples)
-        The sections, joined with cross-fades.
+        Sections, joined with cross-fades.
     sections : tuple of tuple of int
-        First sample and the one after the last of each, with its fades, in the record that was given.
+        First sample and the one after the last of each section, with its fades, in the given record.
     kept : ndarray, shape (channels)
-        Pseudo-damage of the result over that of the record, counted again; nan for a channel that does not move.
+        Pseudo-damage of the result over that of the record, counted again; nan for a constant channel.
     """
 
     samples: NDArray[np.float64]
@@ -46,20 +46,21 @@ def damage_over_time(signal: ArrayLike, *, exponent: float) -> NDArray[np.float6
     Parameters
     ----------
     signal : array_like, shape (samples)
-        Finite.
+        Finite signal.
     exponent : float
         Slope of the S-N line, greater than 0.
 
     Returns
     -------
     ndarray, shape (samples)
-        Half of each cycle's damage at its valley and half at its peak; 1 in all, or 0 for a signal that does not move.
+        Share at each sample: half of each cycle's damage at its valley and half at its peak; the sum is 1, or 0 for a
+        constant signal.
     """
     values = np.asarray(signal, dtype=np.float64)
     unit = float(np.ptp(values))
     if unit == 0.0:
         return np.zeros(values.size)
-    # In units of the largest range: the power of a force in newtons is no number to add up.
+    # In units of the largest range: the power of a force in newtons is too large to sum.
     cycles = count_load_cycles(values / unit)
     damage = cycles.counts * cycles.ranges**exponent
     ends = np.concatenate([cycles.starts, cycles.ends])
@@ -71,13 +72,13 @@ def shorten_by_damage(
 ) -> Shortened:
     """Keep the windows that carry the damage of every channel and join them.
 
-    Windows are taken greedily: next is the one that brings the channels closest to what is asked of each. The damage
-    is then counted again in what was joined, and windows are added until every channel keeps its share.
+    Windows are chosen greedily: next is the one that brings the channels closest to the requested share. The damage
+    of the joined windows is then counted again, and windows are added until every channel keeps its share.
 
     Parameters
     ----------
     samples : array_like, shape (channels, samples)
-        Each row in its channel's unit.
+        Record, each row in its channel's unit.
     keep : float
         Least share of each channel's damage, above 0 to 1.
     exponent : float
@@ -85,17 +86,17 @@ def shorten_by_damage(
     window_samples : int
         Length of a window, 1 or more.
     fade_samples : int
-        Length of a cross-fade, 0 or more; it is taken from beyond the windows that are kept.
+        Length of a cross-fade, 0 or more; it is taken from outside the kept windows.
 
     Returns
     -------
     Shortened
-        The same sections regardless of the order of the channels and regardless of their units.
+        Shortened record, with the same sections regardless of the order and the units of the channels.
 
     Raises
     ------
     ValueError
-        A share, exponent or length that is not allowed, or a record in which no channel moves.
+        If a share, exponent or length is not allowed, or no channel of the record moves.
 
     Notes
     -----
@@ -132,8 +133,8 @@ def shorten_by_damage(
 def _windows_to_keep(shares: NDArray[np.float64], *, keep: float) -> list[int]:
     """Choose windows, rising, until each channel has its share; `shares` has shape (channels, windows).
 
-    What a window adds never grows while others are taken, so a value that was put away is an upper bound and only the
-    first of the heap is worked out again. Sums are exact (`fsum`): the order of the channels makes no difference.
+    The gain of a window never grows while others are chosen, so a stored gain is an upper bound and only the first of
+    the heap is computed again. Sums are exact (`fsum`): the order of the channels makes no difference.
     """
     columns = shares.T.tolist()
     missing = [keep] * shares.shape[0]
@@ -158,7 +159,7 @@ def _windows_to_keep(shares: NDArray[np.float64], *, keep: float) -> list[int]:
 
 
 def _runs(windows: list[int], *, edges: list[int]) -> list[tuple[int, int]]:
-    """Return the samples of windows, neighbours taken together."""
+    """Return the sample ranges of windows, neighbours joined."""
     breaks = [i for i, (before, after) in enumerate(pairwise(windows), start=1) if after > before + 1]
     bounds = [0, *breaks, len(windows)]
     return [(edges[windows[first]], edges[windows[last - 1] + 1]) for first, last in pairwise(bounds)]

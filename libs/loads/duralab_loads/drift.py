@@ -9,45 +9,45 @@ from numpy.typing import ArrayLike, NDArray
 from duralab_spectra import as_record
 
 HIGHEST_DRIFT_ORDER = 9
-"""A polynomial of a higher order follows the loads themselves."""
+"""Highest order of a drift polynomial: a higher one follows the loads themselves."""
 
 
 def remove_mean(samples: ArrayLike) -> NDArray[np.float64]:
-    """Take the mean off every channel.
+    """Remove the mean of every channel.
 
     Parameters
     ----------
     samples : array_like, shape (channels, samples)
-        Each row in its channel's unit.
+        Record, each row in its channel's unit.
 
     Returns
     -------
     ndarray, shape (channels, samples)
-        Each row with a mean of 0.
+        Record with a mean of 0 in each row.
     """
     record = as_record(samples)
     return record - record.mean(axis=1, keepdims=True)
 
 
 def remove_drift(samples: ArrayLike, *, order: int = 1) -> NDArray[np.float64]:
-    """Take the polynomial that fits best off every channel, and leave its mean.
+    """Remove the polynomial that fits best from every channel, and keep its mean.
 
     Parameters
     ----------
     samples : array_like, shape (channels, samples)
-        Each row in its channel's unit.
+        Record, each row in its channel's unit.
     order : int
-        1 for a straight line, up to 9; the record must have more samples.
+        Order of the polynomial: 1 for a straight line, up to 9; the record must have more samples.
 
     Returns
     -------
     ndarray, shape (channels, samples)
-        Each row with the mean that it had.
+        Record with the mean of each row unchanged.
 
     Raises
     ------
     ValueError
-        Another order, or a record that is too short for it.
+        If the order is not allowed or the record is too short for it.
     """
     record = as_record(samples)
     if not 1 <= order <= HIGHEST_DRIFT_ORDER:

@@ -1,4 +1,4 @@
-"""Fades: a record that begins and ends softly, and sections of it joined without a step."""
+"""Fades: a record with smooth ends, and sections of it joined without a step."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from duralab_spectra import as_record
 def rising_fade(samples: int) -> NDArray[np.float64]:
     """Return the weights of a fade: a quarter of a squared sine, from 0 up to 1.
 
-    Read backward it is what it lacks to 1, so what fades out and what fades in add up to the whole.
+    The reversed fade complements it to 1, so the sum of a fade-out and a fade-in of one signal is the signal.
 
     Parameters
     ----------
@@ -24,7 +24,7 @@ def rising_fade(samples: int) -> NDArray[np.float64]:
     Returns
     -------
     ndarray, shape (samples)
-        Rising, above 0 and below 1; one sample rises by no more than pi / 2 / samples.
+        Weights, rising, above 0 and below 1; one sample rises by no more than pi / 2 / samples.
     """
     return np.sin(0.5 * np.pi * (np.arange(samples) + 0.5) / max(samples, 1)) ** 2
 
@@ -35,21 +35,21 @@ def taper_ends(samples: ArrayLike, *, fade_samples: int, levels: ArrayLike = 0.0
     Parameters
     ----------
     samples : array_like, shape (channels, samples)
-        Each row in its channel's unit.
+        Record, each row in its channel's unit.
     fade_samples : int
-        Length of either fade, from 0 to half the record.
+        Length of each fade, from 0 to half the record.
     levels : array_like, shape () or (channels)
-        What each channel starts from and ends at, in its unit.
+        Level at the start and end of each channel, in its unit.
 
     Returns
     -------
     ndarray, shape (channels, samples)
-        Between the fades as it was.
+        Record, unchanged between the fades.
 
     Raises
     ------
     ValueError
-        The two fades are longer than the record.
+        If the two fades are longer than the record.
     """
     record = as_record(samples)
     if not 0 <= 2 * fade_samples <= record.shape[1]:
@@ -65,27 +65,27 @@ def taper_ends(samples: ArrayLike, *, fade_samples: int, levels: ArrayLike = 0.0
 
 
 def join_sections(samples: ArrayLike, sections: Sequence[tuple[int, int]], *, fade_samples: int) -> NDArray[np.float64]:
-    """Join sections of a record in the order given; each fades into the next while both are heard.
+    """Join sections of a record in the given order; each cross-fades into the next.
 
     Parameters
     ----------
     samples : array_like, shape (channels, samples)
-        Each row in its channel's unit.
+        Record, each row in its channel's unit.
     sections : sequence of tuple of int
-        First sample and the one after the last of each; they may overlap and come in any order.
+        First sample and the one after the last of each section; sections may overlap and come in any order.
     fade_samples : int
-        By how much a section and the next lie over each other, 0 or more; a section in the middle fades at both ends.
+        Overlap of a section with the next, 0 or more; a section in the middle fades at both ends.
 
     Returns
     -------
     ndarray, shape (channels, joined samples)
-        As long as the sections less one fade for each joint. Within a fade from `a` to `b` the slope is at most the
-        steeper slope of both and `pi / 2 |b - a| / fade`.
+        Joined sections, as long as their sum less one fade for each joint. Within a fade from `a` to `b` the slope is
+        at most the steeper slope of both and `pi / 2 |b - a| / fade`.
 
     Raises
     ------
     ValueError
-        No section, one outside the record, or one that is shorter than its fades.
+        If there is no section, or a section is outside the record or shorter than its fades.
     """
     record = as_record(samples)
     if not sections:
@@ -116,7 +116,7 @@ def join_sections(samples: ArrayLike, sections: Sequence[tuple[int, int]], *, fa
 
 
 def separate_sections(sections: Sequence[tuple[int, int]], *, fade_samples: int, samples: int) -> list[tuple[int, int]]:
-    """Lengthen sections that are to be kept whole by what their fades need; what then meets becomes one section."""
+    """Lengthen sections by their fades, so that they are kept whole; sections that then meet are merged."""
     longer = [
         (
             max(0, start - fade_samples) if position > 0 else start,

@@ -14,19 +14,20 @@ def count_level_crossings(signal: ArrayLike, levels: ArrayLike) -> NDArray[np.in
     Parameters
     ----------
     signal : array_like, shape (samples,)
-        Finite.
+        Finite signal.
     levels : array_like, shape (levels,)
-        In the signal's unit, in any order.
+        Levels in the signal's unit, in any order.
 
     Returns
     -------
     ndarray, shape (levels,)
-        Steps from below a level to it or beyond; of a signal that returns to its start it falls through as often.
+        Number of steps from below a level to it or beyond; a signal that returns to its start falls through it as
+        often.
 
     Raises
     ------
     ValueError
-        No signal, several channels, or a value that is not finite.
+        If there is no signal, several channels, or a value that is not finite.
 
     Notes
     -----
@@ -43,24 +44,24 @@ def count_level_crossings(signal: ArrayLike, levels: ArrayLike) -> NDArray[np.in
 
 
 def share_of_time_at_level(signal: ArrayLike, edges: ArrayLike) -> NDArray[np.float64]:
-    """Return which share of the time a signal spends between levels.
+    """Return the share of the time that a signal spends between levels.
 
     Parameters
     ----------
     signal : array_like, shape (samples,)
-        Finite.
+        Finite signal.
     edges : array_like, shape (bins + 1,)
-        In the signal's unit, rising; each bin holds its lower edge, the last one its upper edge too.
+        Edges in the signal's unit, rising; each bin holds its lower edge, the last one its upper edge too.
 
     Returns
     -------
     ndarray, shape (bins,)
-        0 to 1; 1 in all where the edges hold the whole signal.
+        Shares, 0 to 1; their sum is 1 if the edges hold the whole signal.
 
     Raises
     ------
     ValueError
-        No signal, several channels, a value that is not finite, or edges that do not rise.
+        If there is no signal, several channels, a value that is not finite, or edges that do not rise.
     """
     values = as_signal(signal)
     bounds = np.asarray(edges, dtype=np.float64)
@@ -75,14 +76,14 @@ def count_exceeded_ranges(cycles: LoadCycles, ranges: ArrayLike) -> NDArray[np.f
     Parameters
     ----------
     cycles : LoadCycles
-        Of one signal.
+        Cycles of one signal.
     ranges : array_like, shape (ranges,)
-        In the signal's unit, in any order.
+        Ranges in the signal's unit, in any order.
 
     Returns
     -------
     ndarray, shape (ranges,)
-        Cycles, half cycles counted as halves; never rising with the range.
+        Number of cycles, half cycles counted as halves; never rising with the range.
     """
     order = np.argsort(cycles.ranges)
     smaller = np.searchsorted(cycles.ranges[order], np.asarray(ranges, dtype=np.float64), side="left")

@@ -12,23 +12,23 @@ from numpy.typing import ArrayLike, NDArray
 from duralab_spectra import as_record
 
 DAMAGE_EXPONENTS: Final = (3.0, 5.0, 8.0)
-"""Slopes of the S-N lines that pseudo-damage is told for: from welded joints (3) to smooth parts (8)."""
+"""Slopes of the S-N lines for pseudo-damage: from welded joints (3) to smooth parts (8)."""
 
 
 @dataclass(frozen=True)
 class LoadCycles:
-    """Cycles of one signal, one value each, in no order that means anything.
+    """Cycles of one signal, one value each, in no particular order.
 
     Parameters
     ----------
     ranges : ndarray, shape (cycles,)
-        From valley to peak (not the amplitude, which is half of it), the signal's unit, greater than 0.
+        Range from valley to peak (not the amplitude, which is half of it), in the signal's unit, greater than 0.
     means : ndarray, shape (cycles,)
-        Between valley and peak, the signal's unit.
+        Mean of valley and peak, in the signal's unit.
     counts : ndarray, shape (cycles,)
-        1 for a closed cycle, 0.5 for one that the signal left open.
+        Weight: 1 for a closed cycle, 0.5 for one that the signal left open.
     starts, ends : ndarray, shape (cycles,)
-        The samples, from 0, of the turning points that a cycle lies between.
+        Sample numbers, from 0, of the turning points at both ends of a cycle.
     """
 
     ranges: NDArray[np.float64]
@@ -49,29 +49,29 @@ def as_signal(signal: ArrayLike) -> NDArray[np.float64]:
 def count_load_cycles(signal: ArrayLike) -> LoadCycles:
     """Count the cycles of a signal.
 
-    The residual is counted as half cycles: left out it is the largest ranges that are missing.
+    The residual is counted as half cycles: without it, the largest ranges would be missing.
 
     Parameters
     ----------
     signal : array_like, shape (samples,)
-        Finite.
+        Finite signal.
 
     Returns
     -------
     LoadCycles
-        None at all for a signal that does not move.
+        Cycles; empty for a constant signal.
 
     Raises
     ------
     ValueError
-        No signal, several channels, or a value that is not finite.
+        If there is no signal, several channels, or a value that is not finite.
 
     Notes
     -----
     Source: ASTM E1049-85, section 5.4.4, rainflow counting. Four-point counting with the residual as half cycles gives
     the same cycles.
     """
-    # pylife brings pandas along, which takes a second: only those who count cycles wait for it.
+    # pylife imports pandas, which takes a second: only callers that count cycles wait for it.
     from pylife.stress.rainflow import FourPointDetector, FullRecorder
 
     values = as_signal(signal)
@@ -86,7 +86,7 @@ def count_load_cycles(signal: ArrayLike) -> LoadCycles:
     counts = np.ones(start.size)
     counts[start.size - residual[1:].size :] = 0.5
     ranges = np.abs(end - start)
-    # A signal that ends on a turning point or rests throughout has that value twice in its residual.
+    # A signal that ends on a turning point or is constant has that value twice in its residual.
     moved = ranges > 0.0
     return LoadCycles(
         ranges=ranges[moved],
@@ -98,24 +98,24 @@ def count_load_cycles(signal: ArrayLike) -> LoadCycles:
 
 
 def pseudo_damage(cycles: LoadCycles, exponent: float) -> float:
-    """Sum of the cycles' ranges to the power of the S-N line's slope: damage but for the material's own factor.
+    """Return the sum of the cycles' ranges to the power of the S-N line's slope: damage without the material's factor.
 
     Parameters
     ----------
     cycles : LoadCycles
-        Of one signal.
+        Cycles of one signal.
     exponent : float
         Slope k of the S-N line, greater than 0.
 
     Returns
     -------
     float
-        The signal's unit to the power k; doubling the signal makes it `2^k` as large.
+        Pseudo-damage in the signal's unit to the power k; doubling the signal makes it `2^k` as large.
 
     Raises
     ------
     ValueError
-        The exponent is not greater than 0.
+        If the exponent is not greater than 0.
 
     Notes
     -----
@@ -127,24 +127,24 @@ def pseudo_damage(cycles: LoadCycles, exponent: float) -> float:
 
 
 def channel_damage(record: ArrayLike, *, exponents: Sequence[float] = DAMAGE_EXPONENTS) -> NDArray[np.float64]:
-    """Pseudo-damage of each channel of a record.
+    """Return the pseudo-damage of each channel of a record.
 
     Parameters
     ----------
     record : array_like, shape (channels, samples)
-        Static parts do not count.
+        Record; static parts do not count.
     exponents : sequence of float
         Slopes of the S-N line, each greater than 0.
 
     Returns
     -------
     ndarray, shape (channels, exponents)
-        The channel's unit to the power of each exponent, 0 or more; 0 for a channel that does not move.
+        Pseudo-damage in the channel's unit to the power of each exponent, 0 or more; 0 for a constant channel.
 
     Raises
     ------
     ValueError
-        A value is not finite, or an exponent is not greater than 0.
+        If a value is not finite, or an exponent is not greater than 0.
     """
     cycles = [count_load_cycles(signal) for signal in as_record(record, name="record")]
     return np.array([[pseudo_damage(counted, exponent) for exponent in exponents] for counted in cycles])
@@ -153,24 +153,24 @@ def channel_damage(record: ArrayLike, *, exponents: Sequence[float] = DAMAGE_EXP
 def damage_ratio(
     target: ArrayLike, response: ArrayLike, *, exponents: Sequence[float] = DAMAGE_EXPONENTS
 ) -> NDArray[np.float64]:
-    """Pseudo-damage of each response over that of its target.
+    """Return the pseudo-damage of each response over that of its target.
 
     Parameters
     ----------
     target, response : array_like, shape (channels, samples)
-        In the same units; their static parts do not count. They need not be of the same length.
+        Records in the same units, of any lengths; their static parts do not count.
     exponents : sequence of float
         Slopes of the S-N line, each greater than 0.
 
     Returns
     -------
     ndarray, shape (channels, exponents)
-        0 or more; 1 is the damage wanted.
+        Damage ratios, 0 or more; 1 is the damage of the target.
 
     Raises
     ------
     ValueError
-        Channels that differ, values that are not finite, or a target channel that does not move.
+        If the numbers of channels differ, a value is not finite, or a target channel is constant.
     """
     wanted, measured = as_record(target, name="target"), as_record(response, name="response")
     if wanted.shape[0] != measured.shape[0]:
@@ -179,7 +179,7 @@ def damage_ratio(
         )
     ratio = np.empty((wanted.shape[0], len(exponents)))
     for i in range(wanted.shape[0]):
-        # Both in units of the target's range: the eighth power of a force in newtons is no number to add up.
+        # Both in units of the target's range: the eighth power of a force in newtons is too large to sum.
         unit = float(np.ptp(wanted[i]))
         if unit == 0.0:
             raise ValueError(

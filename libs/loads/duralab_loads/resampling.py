@@ -1,4 +1,4 @@
-"""A record at another sample rate."""
+"""Resampling of a record to another sample rate."""
 
 from __future__ import annotations
 
@@ -11,42 +11,42 @@ from duralab_spectra import as_record
 from duralab_spectra.records import require_sample_rate
 
 FLAT_SHARE = 0.87
-"""Up to this share of half the lower sample rate, amplitudes are kept; from 1 on nothing passes."""
+"""Share of half the lower sample rate up to which amplitudes are kept; from 1 on nothing passes."""
 
 LARGEST_FACTOR = 2000
 """Largest numerator or denominator of the ratio of the rates: the filter is 128 times as long."""
 
 _HALF_LENGTH = 64
-"""Samples of the lower rate on either side of the filter's centre."""
+"""Number of samples of the lower rate on either side of the filter's centre."""
 
 _KAISER_BETA = 12.3
-"""120 dB of stop band (Kaiser's formula), which leaves a transition of 0.13 of half the lower rate."""
+"""Kaiser parameter for 120 dB of stop band (Kaiser's formula); the transition is 0.13 of half the lower rate."""
 
 _LARGEST_RATE_ERROR = 1e-6
-"""Of the ratio of the rates, where rounding wrote a file's time step: 4 ms in an hour."""
+"""Largest relative error of the ratio of the rates, from the rounding of a file's time step: 4 ms in an hour."""
 
 
 def resample(samples: ArrayLike, *, sample_rate: float, new_rate: float) -> NDArray[np.float64]:
-    """Return the same signals, sampled at another rate; the first sample stays where it is.
+    """Return the same signals at another sample rate; the first sample stays at its time.
 
     Parameters
     ----------
     samples : array_like, shape (channels, samples)
-        Each row in its channel's unit.
+        Record, each row in its channel's unit.
     sample_rate, new_rate : float
-        In hertz; their ratio must be one of whole numbers up to 2000.
+        Sample rates in hertz; their ratio must be one of whole numbers up to 2000.
 
     Returns
     -------
     ndarray, shape (channels, ceil(samples new_rate / sample_rate))
-        What lies below 0.87 of half the lower rate is kept to 1e-6; what lies above half the new rate is removed, not
-        folded. Beyond its ends the record counts as turned about them, so the last 64 samples of the lower rate at
-        either end are less exact.
+        Resampled record. Content below 0.87 of half the lower rate is kept to 1e-6; content above half the new rate is
+        removed, not folded. Beyond its ends the record is extended by odd reflection, so the last 64 samples of the
+        lower rate at either end are less exact.
 
     Raises
     ------
     ValueError
-        A rate that is not above 0, or a ratio of larger numbers.
+        If a rate is not above 0, or the ratio needs larger numbers.
 
     Notes
     -----
@@ -67,14 +67,14 @@ def resample(samples: ArrayLike, *, sample_rate: float, new_rate: float) -> NDAr
         return record.copy()
     slower = max(up, down)
     half = _HALF_LENGTH * slower
-    # An ideal low-pass filter between the edges of the transition, under Kaiser's window; 1 at rest.
+    # An ideal low-pass filter between the edges of the transition, with Kaiser's window; gain 1 at 0 Hz.
     cutoff = 0.5 * (FLAT_SHARE + 1.0) / slower
     kernel = np.sinc(cutoff * np.arange(-half, half + 1)) * np.kaiser(2 * half + 1, _KAISER_BETA)
     kernel /= kernel.sum()
-    # A whole number of input periods in front, so that the first sample of the result is the record's first again.
+    # A whole number of input periods in front, so that the first sample of the result is again the record's first.
     extension = (half // up // down + 2) * down
     extended = np.pad(record, ((0, 0), (extension, extension)), mode="reflect", reflect_type="odd")
-    # scipy.signal takes a second to import, and a service that wants a record's damage only shall start at once.
+    # scipy.signal takes a second to import, and a service that only needs a record's damage must start at once.
     from scipy.signal import resample_poly
 
     resampled = np.asarray(resample_poly(extended, up, down, axis=-1, window=kernel))

@@ -1,4 +1,4 @@
-"""Spikes: single samples, or a few, that a measuring chain put into a load and no vehicle did."""
+"""Spikes: single samples, or a few, that the measuring chain and not the vehicle put into a load."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ _NORMAL_MEDIAN = 0.6745
 """Median magnitude of a normal variable, in its standard deviation."""
 
 _WINDOW = 10
-"""Samples beside a spike that tell what is usual there, in its longest length."""
+"""Number of samples beside a spike that define the usual level there, in lengths of the longest spike."""
 
 _FOOT = 0.1
-"""A spike reaches down to this share of its height."""
+"""Share of its height down to which a spike extends."""
 
 
 @dataclass(frozen=True)
 class Despiked:
-    """A record without its spikes.
+    """Record without its spikes.
 
     Parameters
     ----------
     samples : ndarray, shape (channels, samples)
-        The record, interpolated where a spike was.
+        Record, interpolated at each spike.
     spikes : tuple of int, one for each channel
-        How many were found.
+        Number of spikes found.
     largest : tuple of float, one for each channel
-        Height of the highest, in the channel's unit; 0 where there is none.
+        Height of the largest spike, in the channel's unit; 0 if there is none.
     """
 
     samples: NDArray[np.float64]
@@ -39,31 +39,31 @@ class Despiked:
 
 
 def remove_spikes(samples: ArrayLike, *, longest: int, threshold: float = 10.0) -> Despiked:
-    """Find the spikes of every channel and put a smooth curve in their place.
+    """Find the spikes of every channel and replace each by a smooth curve.
 
-    A spike stands out on both sides, is no longer than `longest` at half its height, and is higher than `threshold`
-    times what is usual around it. A smooth peak of any height is wider (1.4 times the distance it is looked at over),
-    a step comes back on one side only, and an impact rings: all three stay. A ringing above 100 Hz that has died out
-    after two periods looks like a spike of its length.
+    A spike exceeds the samples on both sides, is no longer than `longest` at half its height, and is higher than
+    `threshold` times the usual level around it. A smooth peak of any height is wider (1.4 times the compared
+    distance), a step returns on one side only, and an impact rings: all three are kept. A ringing above 100 Hz that
+    has decayed after two periods looks like a spike of its length.
 
     Parameters
     ----------
     samples : array_like, shape (channels, samples)
-        Each row in its channel's unit.
+        Record, each row in its channel's unit.
     longest : int
-        Samples of the longest spike, 1 or more.
+        Length of the longest spike in samples, 1 or more.
     threshold : float
         Height of the lowest spike, in standard deviations of the signal without spikes, greater than 0.
 
     Returns
     -------
     Despiked
-        A spike at the very first or last sample is not found.
+        Despiked record; a spike at the very first or last sample is not found.
 
     Raises
     ------
     ValueError
-        Lengths or thresholds that are not allowed, or a record too short to know what is usual.
+        If a length or threshold is not allowed, or the record is too short to define a usual level.
     """
     record = as_record(samples)
     if longest < 1:
@@ -84,7 +84,7 @@ def remove_spikes(samples: ArrayLike, *, longest: int, threshold: float = 10.0) 
             good = np.ones(values.size, dtype=bool)
             for start, end, _ in spikes:
                 good[start:end] = False
-            # It takes half a second to import, and a service that mends no record shall start at once.
+            # The import takes half a second, and a service that repairs no record must start at once.
             from scipy.interpolate import PchipInterpolator
 
             time = np.arange(values.size, dtype=np.float64)
@@ -101,7 +101,7 @@ def _find(values: NDArray[np.float64], *, longest: int, threshold: float) -> lis
     reach = longest + 1
     padded = np.pad(values, reach, mode="edge")
     before, after = values - padded[: -2 * reach], values - padded[2 * reach :]
-    # Higher than both sides, or lower than both: the smaller of the two differences, else nothing.
+    # Higher than both sides, or lower than both: the smaller of the two differences; otherwise 0.
     height = np.where(before * after > 0.0, np.sign(before) * np.minimum(np.abs(before), np.abs(after)), 0.0)
     usual = _usual(0.5 * np.abs(before + after), longest=longest)
     candidates = np.flatnonzero(np.abs(height) > threshold * usual)
@@ -121,10 +121,10 @@ def _find(values: NDArray[np.float64], *, longest: int, threshold: float) -> lis
 
 
 def _usual(curvature: NDArray[np.float64], *, longest: int) -> NDArray[np.float64]:
-    """Return the standard deviation that the curvature has around each sample, or on its livelier side if that is more.
+    """Return the standard deviation of the curvature around each sample, or on its livelier side if that is larger.
 
-    On its livelier side, because a load that begins is quiet before its first peak; and never less than where the
-    record moves at all, because rest tells nothing about spikes. A spike itself fills less than half of a window.
+    On the livelier side, because a load that begins is quiet before its first peak; and never less than the value over
+    the moving parts of the record, because rest is no measure for spikes. A spike fills less than half of a window.
     """
     from scipy.ndimage import median_filter
 
@@ -139,6 +139,6 @@ def _usual(curvature: NDArray[np.float64], *, longest: int) -> NDArray[np.float6
 
 
 def _run(marked: NDArray[np.bool_], centre: int) -> tuple[int, int]:
-    """Return where the run of marked samples around a marked one begins, and the sample after its end."""
+    """Return the first sample of the marked run around a marked sample, and the sample after its end."""
     before, after = np.flatnonzero(~marked[:centre]), np.flatnonzero(~marked[centre:])
     return int(before[-1]) + 1 if before.size else 0, centre + (int(after[0]) if after.size else marked.size - centre)

@@ -1,4 +1,4 @@
-"""Filters that move nothing in time: Butterworth, run forward and backward."""
+"""Filters without a shift in time: Butterworth, run forward and backward."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from duralab_spectra import as_record
 from duralab_spectra.records import require_sample_rate
 
 HIGHEST_FILTER_ORDER = 12
-"""Beyond it the poles of a narrow filter lie closer together than the arithmetic can tell apart."""
+"""Highest order of a filter: beyond it, rounding errors merge the poles of a narrow filter."""
 
 _SETTLED = 1e-3
-"""What is left of a step when the filter counts as settled."""
+"""Rest of a step at which the filter counts as settled."""
 
 
 class FilterKind(Enum):
@@ -40,31 +40,31 @@ def filter_zero_phase(
     Parameters
     ----------
     samples : array_like, shape (channels, samples)
-        Each row in its channel's unit; 2 samples or more.
+        Record, each row in its channel's unit; 2 samples or more.
     sample_rate : float
-        In hertz.
+        Sample rate in hertz.
     kind : FilterKind
-        What passes.
+        Kind of the filter.
     corners : sequence of float
-        One frequency, or the lower and the upper of a band, in hertz, above 0 and below half the sample rate; there
-        the amplitude is halved (6 dB), as both passes take 3 dB off.
+        One frequency, or the lower and the upper of a band, in hertz, above 0 and below half the sample rate. At a
+        corner the amplitude is halved (6 dB), as each pass reduces it by 3 dB.
     order : int
-        Of one pass, 1 to 12; a band has twice as many poles. The slope is that of twice the order.
+        Order of one pass, 1 to 12; a band has twice as many poles. The slope is that of twice the order.
 
     Returns
     -------
     ndarray, shape (channels, samples)
-        As long as the record. Beyond its ends it counts as turned about them.
+        Filtered record, as long as the record; beyond its ends the record is extended by odd reflection.
 
     Raises
     ------
     ValueError
-        Another number of corners, one that does not fit the sample rate, or another order.
+        If the number of corners, a corner or the order is not allowed.
 
     Notes
     -----
-    Source: Butterworth (1930), made digital by the bilinear transform with the corners in their place; the gain of both
-    passes is `1 / (1 + r^(2 order))`, `r = tan(pi f / rate) / tan(pi corner / rate)` for a low-pass filter.
+    Source: Butterworth (1930), digital by the bilinear transform with prewarped corners; the gain of both passes is
+    `1 / (1 + r^(2 order))`, `r = tan(pi f / rate) / tan(pi corner / rate)` for a low-pass filter.
     """
     record = as_record(samples)
     require_sample_rate(sample_rate)
@@ -82,7 +82,7 @@ def filter_zero_phase(
         raise ValueError(f"The order is {order}; it must be 1 to {HIGHEST_FILTER_ORDER}.")
     if record.shape[1] < 2:
         raise ValueError("The record has one sample; a filter needs two at least.")
-    # scipy.signal takes a second to import, and a service that wants a record's damage only shall start at once.
+    # scipy.signal takes a second to import, and a service that only needs a record's damage must start at once.
     from scipy import signal
 
     sections = np.asarray(

@@ -1,7 +1,7 @@
 """Monitoring of an endurance test: statistics of every repeat, limits, and detection of wear and cracks.
 
 `Monitor` judges one repeat after the other. It keeps no samples: an event's baseline is the mean spectrum of its first
-repeats, and everything else is a few numbers for each channel and band.
+repeats, and the rest is a few numbers for each channel and band.
 """
 
 from duralab_monitoring.alarms import Alarm, AlarmKind, AlarmLevel, RepeatVerdict

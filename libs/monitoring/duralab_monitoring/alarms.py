@@ -14,7 +14,7 @@ class AlarmLevel(IntEnum):
     """Severity of an alarm."""
 
     WARNING = 1
-    """The test continues as its actions say."""
+    """The test continues according to its actions."""
     ABORT = 2
     """The test must not continue without a decision."""
 
@@ -45,7 +45,7 @@ class Alarm:
     channel : str
         Channel of the response.
     measure : Measure or Statistic
-        What changed; a statistic for a limit.
+        Changed measure; a statistic for a limit.
     band : tuple of float or None
         Lowest and highest frequency, Hz; None for a limit and for the static part.
     repeat : int
@@ -77,14 +77,14 @@ class RepeatVerdict:
     Parameters
     ----------
     statistics : RepeatStatistics
-        To be kept of every repeat.
+        Statistics to be kept for every repeat.
     alarms : tuple of Alarm
         New alarms, the most severe first, then changes before limits and large before small ones; at most one change
         for each channel.
     judged : bool
-        False while the event's baseline is learnt: only absolute limits hold then.
+        Whether the event was judged; False while its baseline is learnt, when only absolute limits hold.
     baseline_changed : bool
-        True if `Monitor.baseline` of the event is to be stored again with this repeat.
+        Whether `Monitor.baseline` of the event must be stored again with this repeat.
     """
 
     statistics: RepeatStatistics

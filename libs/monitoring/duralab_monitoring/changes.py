@@ -1,4 +1,4 @@
-"""From the scores of a change detector to alarms: significance, size, kind and place of a change."""
+"""Conversion of a change detector's scores to alarms: significance, size, kind and place of a change."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ from duralab_monitoring.residual import Measure
 from duralab_monitoring.settings import MonitoringSettings
 
 _ENOUGH_EVIDENCE: Final = 3.0
-"""Logarithm of the likelihood ratio of step and ramp, 20 to 1, from which on an alarm has its kind ..."""
+"""Logarithm of the likelihood ratio of step and ramp, 20 to 1, above which an alarm has its kind ..."""
 _LONGEST_DOUBT: Final = 64
-"""... and repeats after which it is raised as what is likelier."""
+"""... and number of repeats after which it is raised with the likelier kind."""
 _WORDS: Final = {AlarmKind.SUDDEN_CHANGE: "sudden change", AlarmKind.SLOW_DRIFT: "slow drift"}
 
 
@@ -36,20 +36,20 @@ class ChangeWatch:
     Attributes
     ----------
     detector : ChangeDetector
-        What was learnt, and the averages.
+        Learnt values and averages.
     probability : float
-        Of a false alarm in one test of one repeat: the stated rate divided among all tests, those of the learnt limits
-        included.
+        Probability of a false alarm in one test of one repeat: the stated rate divided among all tests, those of the
+        learnt limits included.
     latched : ndarray of int, shape (channels,)
-        Highest level that was raised.
+        Highest raised level.
     undecided : ndarray of int, shape (channels,)
-        Repeats in which a change was certain and its kind was not.
+        Number of repeats in which a change was certain and its kind was not.
     """
 
     def __init__(self, settings: MonitoringSettings, events: Sequence[str], *, channels: Sequence[str]) -> None:
         self._events, self._channels, self._levels = tuple(events), tuple(channels), settings.change
         self._bands = tuple(pairwise(settings.bands))
-        #: What each measure of a channel is, in the order of `Reference.measures`.
+        #: Measures of a channel, in the order of `Reference.measures`.
         self._measures: list[tuple[Measure, tuple[float, float] | None]] = [(Measure.STATIC, None)]
         self._measures += [
             (measure, band) for measure in (Measure.GAIN, Measure.PHASE, Measure.REMAINDER) for band in self._bands
@@ -74,7 +74,7 @@ class ChangeWatch:
         self.detector.learn(self._events.index(event), np.ravel(measures))
 
     def forget(self, event: str) -> None:
-        """Begin to learn an event again, and clear the alarms.
+        """Restart the learning of an event, and clear the alarms.
 
         Parameters
         ----------
@@ -85,7 +85,7 @@ class ChangeWatch:
         self.latched[:] = self.undecided[:] = 0
 
     def judge(self, repeat: int, event: str, measures: NDArray[np.float64]) -> list[Alarm]:
-        """Look for a change in each measure; raise the clearest one of a channel, once for a level.
+        """Search for a change in each measure; raise the clearest one of a channel, once for a level.
 
         Parameters
         ----------
@@ -104,7 +104,7 @@ class ChangeWatch:
         number, shape = self._events.index(event), measures.shape
         size = self._sizes(measures, self.detector.mean[number].reshape(shape))
         scores = np.abs(self.detector.score(number, measures.ravel())).max(axis=0).reshape(shape)
-        # Everything else is learnt from: scores that depend on what the last ones were are no longer standard normal.
+        # All other measures are learnt: scores that depend on earlier scores are no longer standard normal.
         learnt = (scores <= self._threshold) & (self.latched == 0)[:, None]
         self.detector.learn(number, measures.ravel(), learnt.ravel())
         magnitude = np.abs(size)

@@ -1,11 +1,11 @@
-"""Detection of a change in measures that repeat, with a false-alarm rate that holds although the baseline is learnt.
+"""Detection of a change in repeated measures, with a false-alarm rate that holds although the baseline is learnt.
 
-Each measure of a repeat is compared with all repeats of its event before, by the t distribution that predicts one more
-repeat of a Gaussian measure; its normal score is standard normal and independent from repeat to repeat, however few
-repeats were learnt from (Quesenberry, 1991; Hawkins, 1987). The scores of all events feed a bank of exponentially
-weighted moving averages, from one repeat to hundreds, so that a large change is found at once and a small one in time
-(Roberts, 1959; Lucas and Saccucci, 1990). The bank is a sketch of the past: whether a step or a ramp explains it better
-is a likelihood ratio (Lai, 1995).
+Each measure of a repeat is compared with all earlier repeats of its event, by the t distribution that predicts one more
+repeat of a Gaussian measure; its normal score is standard normal and independent from repeat to repeat, for any number
+of learnt repeats (Quesenberry, 1991; Hawkins, 1987). The scores of all events feed a bank of exponentially weighted
+moving averages, from one repeat to hundreds, so that a large change is found at once and a small one in time (Roberts,
+1959; Lucas and Saccucci, 1990). The bank is a summary of the past: a likelihood ratio shows whether a step or a ramp
+explains it better (Lai, 1995).
 """
 
 from __future__ import annotations
@@ -22,11 +22,11 @@ WEIGHTS: Final = 0.5 ** np.arange(8.0)
 """Weight of the newest repeat in each average: 1 to 1/128."""
 _KEPT: Final = 1.0 - WEIGHTS
 _AGES: Final = np.unique(np.round(np.geomspace(1.0, 500.0, 40)))
-"""Repeats that a step or a ramp may be old, where the past is searched for it."""
+"""Ages in repeats of a step or a ramp for which the past is searched."""
 _SHORTEST_RAMP: Final = 3
-"""Ages that only a step has: one, two and three repeats."""
+"""Number of ages that only a step has: one, two and three repeats."""
 _MEMORY: Final = WEIGHTS * _KEPT ** np.arange(_AGES[-1])[:, None]
-"""Share of a score in each average, by the repeats since, shape (ages, scales)."""
+"""Share of a score in each average, by the number of repeats since, shape (ages, scales)."""
 _SMALLEST_DEVIATION: Final = 1e-9
 """Standard deviation below which repeats differ by rounding only, as a share of the baseline."""
 _SMALLEST_TAIL: Final = 1e-290
@@ -35,16 +35,16 @@ _SMALLEST_TAIL: Final = 1e-290
 def normal_score(t: NDArray[np.float64], freedom: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the standard normal value as improbable as a value of the t distribution."""
     tail = scipy.special.stdtr(freedom, -np.abs(t))
-    # Where the tail is no number any more: Wallace (1959), good to a few percent there.
+    # Where the tail underflows: Wallace (1959), accurate to a few percent there.
     far = (8.0 * freedom + 1.0) / (8.0 * freedom + 3.0) * np.sqrt(freedom * np.log1p(t**2 / freedom))
     return np.sign(t) * np.where(tail > _SMALLEST_TAIL, -scipy.special.ndtri(np.maximum(tail, _SMALLEST_TAIL)), far)
 
 
 @lru_cache(maxsize=8)
 def _courses(old: int, learnt: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return what a step and a ramp of each of so many ages leave in the averages, shape (ages, scales).
+    """Return the contribution of a step and a ramp of each of `old` ages to the averages, shape (ages, scales).
 
-    What is learnt meanwhile follows a change and hides a part of it; `learnt`: Repeats in the mean now.
+    Learning during a change follows it and hides a part of it; `learnt`: Number of repeats in the present mean.
     """
     ages = _AGES[:old]
     place = ages[:, None] - np.arange(_AGES[-1])
@@ -58,8 +58,8 @@ def _courses(old: int, learnt: float) -> tuple[NDArray[np.float64], NDArray[np.f
 class Explanation:
     """Kind of change.
 
-    `sudden`: A step rather than a ramp. `age`: Repeats since it began, the last one included. `evidence`: Logarithm of
-    the likelihood ratio of the two, 0 or more.
+    `sudden`: Whether it is a step rather than a ramp. `age`: Repeats since it began, the last one included. `evidence`:
+    Logarithm of the likelihood ratio of the two, 0 or more.
     """
 
     sudden: bool
@@ -73,18 +73,18 @@ class ChangeDetector:
     Parameters
     ----------
     events : int
-        Number of events, each with its own baseline.
+        Number of events, each with a separate baseline.
     measures : int
         Number of measures of a repeat, the same for all events.
 
     Attributes
     ----------
     count, mean, square : ndarray, shape (events, measures)
-        Repeats learnt from, their mean, and the sum of squares about it.
+        Number of learnt repeats, their mean, and the sum of squares about it.
     averages : ndarray, shape (scales, measures)
         Moving averages of the normal scores.
     scored : int
-        Repeats whose scores are in the averages.
+        Number of repeats whose scores are in the averages.
     """
 
     def __init__(self, events: int, measures: int) -> None:
@@ -96,11 +96,11 @@ class ChangeDetector:
 
     @property
     def tests(self) -> int:
-        """Number of one-sided tests that a repeat is put to."""
+        """Number of one-sided tests of a repeat."""
         return 2 * self.averages.size
 
     def learn(self, event: int, measures: ArrayLike, which: ArrayLike = True) -> None:
-        """Learn from a repeat that no change was found in.
+        """Learn from a repeat without a change.
 
         Parameters
         ----------
@@ -109,7 +109,7 @@ class ChangeDetector:
         measures : array_like, shape (measures,)
             Measures of the repeat.
         which : array_like of bool, shape (measures,)
-            Measures that are learnt from.
+            Whether each measure is learnt.
         """
         count = self.count[event] + which
         step = np.where(which, measures - self.mean[event], 0.0)
@@ -118,7 +118,7 @@ class ChangeDetector:
         self.count[event], self.mean[event] = count, mean
 
     def score(self, event: int, measures: ArrayLike) -> NDArray[np.float64]:
-        """Add a repeat to the averages and return how many standard deviations each is away from 0.
+        """Add a repeat to the averages and return their distances from 0 in standard deviations.
 
         Parameters
         ----------
@@ -130,7 +130,7 @@ class ChangeDetector:
         Returns
         -------
         ndarray, shape (scales, measures)
-            Each standard normal as long as nothing changes.
+            Distances, each standard normal as long as nothing changes.
         """
         count = self.count[event]
         freedom = count - 1.0
@@ -141,7 +141,7 @@ class ChangeDetector:
         return self.averages / np.sqrt(np.diag(self._covariance()))[:, None]
 
     def explain(self, measure: int) -> Explanation:
-        """Find what explains the averages of one measure best: a step or a ramp, and its age.
+        """Find the best explanation of the averages of one measure: a step or a ramp, and its age.
 
         Parameters
         ----------
@@ -171,12 +171,12 @@ class ChangeDetector:
         return Explanation(sudden=sudden, age=step_age if sudden else ramp_age, evidence=0.5 * abs(step - ramp))
 
     def forget(self, event: int) -> None:
-        """Begin to learn an event again.
+        """Restart the learning of an event.
 
         Parameters
         ----------
         event : int
-            Number of the event. The averages begin again for all events.
+            Number of the event. The averages restart for all events.
         """
         for learnt in (self.count, self.mean, self.square):
             learnt[event] = 0.0

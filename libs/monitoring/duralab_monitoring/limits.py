@@ -16,10 +16,10 @@ from duralab_monitoring.settings import MonitoringSettings
 class StatisticLimits:
     """Limits of the statistics of every event.
 
-    A learnt limit is passed by a statistic that is away from its baseline by the share of the level, and by more than
-    the scatter of the baseline explains: the t distribution that predicts one more repeat. `probability`: Of one false
-    alarm of one statistic in one direction. `mean`, `square`, shape (events, channels, columns): Mean of the baseline
-    and sum of squares about it, damage as an amplitude. `latched`, the same shape: Highest level that was raised.
+    A learnt limit is passed by a statistic that differs from its baseline by the share of the level, and by more than
+    the scatter of the baseline explains: the t distribution that predicts one more repeat. `probability`: Probability
+    of one false alarm of one statistic in one direction. `mean`, `square`, shape (events, channels, columns): Mean of
+    the baseline and sum of squares about it, damage as an amplitude. `latched`, the same shape: Highest raised level.
     """
 
     def __init__(
@@ -41,19 +41,19 @@ class StatisticLimits:
         self.latched = np.zeros(shape, dtype=np.int64)
 
     def learn(self, event: int, table: NDArray[np.float64], *, repeats: int) -> None:
-        """Learn from a repeat of the baseline, of which there are so many with it."""
+        """Learn from a repeat of the baseline; `repeats`: Their number, this one included."""
         values = self._amplitudes(table)
         step = values - self.mean[event]
         self.mean[event] += step / repeats
         self.square[event] += step * (values - self.mean[event])
 
     def forget(self, event: int) -> None:
-        """Begin to learn an event again."""
+        """Restart the learning of an event."""
         self.mean[event] = self.square[event] = 0.0
         self.latched[event] = 0
 
     def judge(self, event: int, table: NDArray[np.float64], *, learnt: bool, repeat: int, name: str) -> list[Alarm]:
-        """Raise each limit that a repeat passes, once for a level; `name`: of the event."""
+        """Raise each limit that a repeat passes, once for a level; `name`: Name of the event."""
         below, above = table < self._bounds[:, 0], table > self._bounds[:, 1]
         absolute = np.max((below | above) * np.array([1, 2])[:, None, None], axis=0)
         share, relative = np.zeros(table.shape), np.zeros(table.shape, dtype=np.int64)
@@ -92,7 +92,7 @@ class StatisticLimits:
         return alarms
 
     def _amplitudes(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the statistics with damage as the amplitude that explains it; that scatters as the others do."""
+        """Return the statistics with damage as an equivalent amplitude, whose scatter is like that of the others."""
         values = table.copy()
         values[:, -1] **= 1.0 / self._exponent
         return values
@@ -104,7 +104,7 @@ class StatisticLimits:
         unit[:, :2] = 0.5 * (baseline[:, 1] - baseline[:, 0])[:, None]
         unit[:, 2:5] = baseline[:, 3, None]
         deviation = self._amplitudes(table) - baseline
-        # What did not move at all has no share: any move is all of it.
+        # A constant channel has no share: any deviation counts as 1.
         share = np.where(unit > 0.0, deviation / np.where(unit > 0.0, unit, 1.0), np.sign(deviation))
         scatter = np.sqrt(self.square[event] / (self._repeats - 1) * (1.0 + 1.0 / self._repeats))
         return share, np.abs(deviation) > self._quantile * scatter

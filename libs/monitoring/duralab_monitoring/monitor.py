@@ -1,4 +1,4 @@
-"""The monitor of an endurance test: one verdict for each repeat, in a state that fits into a checkpoint."""
+"""Monitor of an endurance test: one verdict for each repeat, and a state that fits into a checkpoint."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Monitor:
     Raises
     ------
     ValueError
-        A name occurs twice, a limit names a channel that the rig does not have, or a band lies above half the sample
+        If a name occurs twice, a limit names a channel that the rig does not have, or a band is above half the sample
         rate.
     """
 
@@ -80,9 +80,9 @@ class Monitor:
         event : str
             Event that was played.
         response : array_like, shape (channels, samples)
-            Whole response, as long in each repeat of the event.
+            Whole response, of the same length in each repeat of the event.
         command : array_like, shape (drives, samples), optional
-            Commands that were recorded with the response, by the same clock. They show how late the recording began;
+            Commands that were recorded with the response, by the same clock. They show the delay of the recording;
             without them the responses do.
 
         Returns
@@ -93,8 +93,8 @@ class Monitor:
         Raises
         ------
         ValueError
-            An unknown event, a record of another shape or with a value that is not finite, or a record that is too
-            short for the bands.
+            If the event is unknown, a record has another shape or a value that is not finite, or is too short for the
+            bands.
         """
         number = self._number(event)
         record, reference = self._record(number, response, command)
@@ -108,7 +108,7 @@ class Monitor:
         return self._judged(repeat, number, RepeatStatistics(table=table, measures=measures, lag=lag))
 
     def replay(self, repeat: int, event: str, statistics: RepeatStatistics, *, baseline: bytes = b"") -> RepeatVerdict:
-        """Judge a repeat again from what was stored of it, without its response; the state is then what it was.
+        """Judge a repeat again from its stored statistics, without its response; restores the same state.
 
         Parameters
         ----------
@@ -117,19 +117,19 @@ class Monitor:
         event : str
             Event that was played.
         statistics : RepeatStatistics
-            As the verdict told them.
+            Statistics of the verdict.
         baseline : bytes
-            Baseline of the event after the repeat, where the verdict said `baseline_changed`.
+            Baseline of the event after the repeat, if the verdict has `baseline_changed`.
 
         Returns
         -------
         RepeatVerdict
-            The same as before.
+            The same verdict as before.
 
         Raises
         ------
         ValueError
-            An unknown event, or a baseline that is missing or of another number of repeats.
+            If the event is unknown, or a baseline is missing or of another number of repeats.
         """
         number = self._number(event)
         if self._repeats[number] < self._reference_repeats:
@@ -156,17 +156,17 @@ class Monitor:
         )
 
     def relearn(self, event: str | None = None) -> None:
-        """Learn baselines again from the next repeats on, as after another drive or a repair; clear the alarms.
+        """Learn baselines again from the next repeats on, as after a change of the drive or a repair; clear the alarms.
 
         Parameters
         ----------
         event : str, optional
-            Event whose baseline is learnt again; all without it.
+            Event whose baseline is learnt again; all if omitted.
 
         Raises
         ------
         ValueError
-            An unknown event.
+            If the event is unknown.
         """
         for number in range(len(self._events)) if event is None else [self._number(event)]:
             self._references.pop(number, None)
@@ -175,7 +175,7 @@ class Monitor:
             self._changes.forget(self._events[number])
 
     def baseline(self, event: str) -> bytes:
-        """Return the mean response of an event for storage; it changes where a verdict says `baseline_changed`.
+        """Return the mean response of an event for storage; it changes when a verdict has `baseline_changed`.
 
         Parameters
         ----------
@@ -185,12 +185,12 @@ class Monitor:
         Returns
         -------
         bytes
-            Empty before the first repeat of the event.
+            Stored form of the baseline; empty before the first repeat of the event.
 
         Raises
         ------
         ValueError
-            An unknown event.
+            If the event is unknown.
         """
         reference = self._references.get(self._number(event))
         if reference is None:
@@ -199,12 +199,12 @@ class Monitor:
         return _packed(sizes=sizes, lines=reference.lines, mean=reference.mean, power=reference.power)
 
     def state(self) -> bytes:
-        """Return everything but the baselines, for the checkpoint of a repeat.
+        """Return the state without the baselines, for the checkpoint of a repeat.
 
         Returns
         -------
         bytes
-            The same for the same repeats; with six channels and six bands 14 kB, and 4 kB more for each event.
+            State, the same for the same repeats; with six channels and six bands 14 kB, and 4 kB more for each event.
         """
         arrays = {f"{name}_{key}": getattr(part, key) for name, part, keys in self._parts() for key in keys}
         scored = np.array(self._changes.detector.scored)
@@ -221,26 +221,26 @@ class Monitor:
         state: bytes,
         baselines: Mapping[str, bytes],
     ) -> Monitor:
-        """Return a monitor that judges the next repeat as the one that was stored would.
+        """Return a monitor that judges the next repeat as the stored one would.
 
         Parameters
         ----------
         settings, events, channels, sample_rate
-            Those of the monitor that was stored.
+            Parameters of the stored monitor.
         state : bytes
-            Its last state.
+            Last state of the stored monitor.
         baselines : mapping of str to bytes
-            The last baseline that was stored of each event; events without a repeat may be left out.
+            Last stored baseline of each event; events without a repeat may be omitted.
 
         Returns
         -------
         Monitor
-            In that state.
+            Monitor in that state.
 
         Raises
         ------
         ValueError
-            A state of other settings, events or channels, or a baseline that is missing or older than the state.
+            If the state is of other settings, events or channels, or a baseline is missing or older than the state.
         """
         monitor = cls(settings, events, channels=channels, sample_rate=sample_rate)
         arrays = _unpacked(state)
@@ -271,7 +271,7 @@ class Monitor:
         return Reference(bands, commands, repeats, found["lines"], found["mean"], found["power"])
 
     def _parts(self) -> tuple[tuple[str, object, tuple[str, ...]], ...]:
-        """Return the parts whose arrays are the state, and their names."""
+        """Return the parts whose arrays are the state, and the arrays' names."""
         return (
             ("detector", self._changes.detector, _DETECTOR_STATE),
             ("changes", self._changes, _CHANGES_STATE),
@@ -290,7 +290,7 @@ class Monitor:
     def _record(
         self, number: int, response: ArrayLike, command: ArrayLike | None
     ) -> tuple[NDArray[np.float64], Reference]:
-        """Return responses and commands in one record, and the reference that it fits."""
+        """Return responses and commands in one record, and its reference."""
         record = as_record(response, name="response")
         if record.shape[0] != len(self._channels):
             raise ValueError(f"The response has {record.shape[0]} channels; the rig has {len(self._channels)}.")

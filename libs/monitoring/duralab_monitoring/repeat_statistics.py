@@ -15,7 +15,7 @@ COLUMNS = tuple(Statistic)
 
 @dataclass(frozen=True)
 class RepeatStatistics:
-    """Statistics of every repeat.
+    """Statistics of one repeat.
 
     Parameters
     ----------
@@ -26,7 +26,7 @@ class RepeatStatistics:
         each band, and the cube root of the remainder's energy in each band. NaN as long as the event has no mean
         response.
     lag : float
-        Delay against the baseline that was taken out before, s; one for all channels. NaN as `measures`.
+        Removed delay against the baseline, s; one for all channels. NaN as `measures`.
     """
 
     table: NDArray[np.float64]

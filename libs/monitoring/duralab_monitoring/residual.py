@@ -1,8 +1,8 @@
-"""The residual of a response against an event's mean response: aligned in time, in bands, as a share of the RMS.
+"""Residual of a response against an event's mean response: aligned in time, in bands, as a share of the RMS.
 
-In each band the residual has a part along the mean response (gain), a part a quarter of a period beside it (phase), and
-a remainder. Gain and phase have a sign, so that small changes add up over repeats; they are linear in the response, so
-Gaussian noise leaves them Gaussian. The cube root of the remainder's energy is nearly Gaussian, too (Wilson and
+In each band the residual has a part along the mean response (gain), a part shifted by a quarter of a period (phase),
+and a remainder. Gain and phase have a sign, so that small changes add up over repeats; they are linear in the response,
+so Gaussian noise leaves them Gaussian. The cube root of the remainder's energy is nearly Gaussian, too (Wilson and
 Hilferty, 1931).
 """
 
@@ -21,21 +21,21 @@ _NEWTON_STEPS = 4
 
 
 class Measure(StrEnum):
-    """In which way a response changed."""
+    """Kind of change of a response."""
 
     STATIC = "static"
-    """Its static part."""
+    """Change of its static part."""
     GAIN = "gain"
-    """Its amplitude, in phase with the baseline."""
+    """Change of its amplitude, in phase with the baseline."""
     PHASE = "phase"
-    """Its phase against the baseline."""
+    """Change of its phase against the baseline."""
     REMAINDER = "remainder"
-    """What neither gain nor phase explains."""
+    """Part that neither gain nor phase explains."""
 
 
 @dataclass(frozen=True)
 class BandLines:
-    """Lines of the spectrum of a record of so many samples, from the lowest edge to the highest.
+    """Lines of the spectrum of a record of `samples` samples, from the lowest edge to the highest.
 
     `omega`, shape (lines,): rad/s. `starts`, shape (bands,): First line of each band, counted from the first of all.
     """
@@ -48,7 +48,7 @@ class BandLines:
 
     @classmethod
     def of(cls, edges: tuple[float, ...], *, samples: int, sample_rate: float) -> BandLines:
-        """Place the edges; raise ValueError for a record too short to tell gain from remainder in a band."""
+        """Return the lines of the bands; raise ValueError for a record too short for two in each band."""
         placed = np.ceil(np.array(edges) * samples / sample_rate - 1e-9).astype(np.intp)
         for (low, high), (first, end) in zip(pairwise(edges), pairwise(placed), strict=True):
             if end - first < 2:
@@ -92,7 +92,7 @@ class BandLines:
 
 @dataclass
 class Reference:
-    """Mean of an event's first repeats, aligned to the first; grows with `add`.
+    """Mean of an event's first repeats, aligned to the first; extended by `add`.
 
     `lines`, shape (rows, lines): Spectra of the responses, then of the recorded commands. `mean` and `power`, shape
     (channels,): Static part, and mean square beside it, of the responses.
@@ -107,7 +107,7 @@ class Reference:
 
     @classmethod
     def empty(cls, bands: BandLines, *, channels: int, commands: int) -> Reference:
-        """Begin a reference."""
+        """Return an empty reference."""
         lines = np.zeros((channels + commands, bands.last - bands.first), dtype=np.complex128)
         return cls(bands, commands, 0, lines, np.zeros(channels), np.zeros(channels))
 
@@ -122,7 +122,7 @@ class Reference:
 
     @property
     def unit(self) -> NDArray[np.float64]:
-        """RMS of each channel beside its static part, shape (channels,); 1 for a channel that does not move."""
+        """RMS of each channel beside its static part, shape (channels,); 1 for a constant channel."""
         return np.where(self.power > 0.0, np.sqrt(self.power), 1.0)
 
     def measures(self, record: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
@@ -152,7 +152,7 @@ class Reference:
         lines = self.bands.spectrum(record)
         if self.repeats == 0:
             return lines, 0.0
-        # Recorded commands tell the lag of the recording alone; a worn specimen delays its responses, too.
+        # Recorded commands show the lag of the recording only; a worn specimen delays its responses, too.
         rows = slice(self.mean.size, None) if self.commands else slice(None)
         lag = self.bands.lag(self.lines[rows], lines[rows])
         return lines * np.exp(1j * self.bands.omega * lag), lag

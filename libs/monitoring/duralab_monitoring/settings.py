@@ -48,7 +48,7 @@ Interval = Annotated[tuple[float, float], Field(strict=False)]
 
 
 class AbsoluteLimits(Section):
-    """Lowest and highest value that a statistic may have, at one or both levels."""
+    """Allowed range of a statistic, at one or both levels."""
 
     warning: Interval | None = Field(default=None, description="[lowest, highest] without a warning.")
     abort: Interval | None = Field(default=None, description="[lowest, highest] without an abort.")

@@ -1,4 +1,4 @@
-"""Reading of the files of a recording: damage, index, parts, messages, runs and their samples."""
+"""Reader of the files of a recording: damage, index, parts, messages, runs and their samples."""
 
 from duralab_recordings.damage import (
     DAMAGE,

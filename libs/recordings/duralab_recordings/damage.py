@@ -25,18 +25,18 @@ DAMAGE: Final = (
     OverflowError,
     ZstdError,
 )
-"""What reading a damaged file raises, in the container, its compression and its messages."""
+"""Exceptions of reading a damaged file: of the container, its compression and its messages."""
 
 
 class RecordingError(Exception):
-    """A recording cannot be read: it is missing, damaged, of a newer format or no recording, or lacks what is asked.
+    """A recording that cannot be read: missing, damaged, of a newer format, no recording, or without requested data.
 
     Parameters
     ----------
     message : str
-        One sentence: which file or run, what is wrong with it, what to do.
+        One sentence: the file or run, its fault, the remedy.
     reason : str
-        Only what is wrong, a clause; the message where not given.
+        Only the fault, a clause; the message if omitted.
     """
 
     def __init__(self, message: str, *, reason: str = "") -> None:
@@ -46,12 +46,12 @@ class RecordingError(Exception):
 
 
 class MissingFileError(RecordingError):
-    """There is no such file.
+    """File that does not exist.
 
     Parameters
     ----------
     path : Path
-        The file.
+        Path of the file.
     """
 
     def __init__(self, path: Path) -> None:
@@ -60,11 +60,11 @@ class MissingFileError(RecordingError):
 
 
 class MissingSamplesError(RecordingError):
-    """Samples of a run are missing: blocks were lost, or it was broken off."""
+    """Missing samples of a run: blocks were lost, or the run was aborted."""
 
 
 def reason_of(error: Exception) -> str:
-    """Return what is wrong, without a full stop: several of these errors say nothing, or a bare number.
+    """Return the fault, without a full stop: several of these errors have no text, or only a number.
 
     Parameters
     ----------
@@ -99,7 +99,7 @@ def reason_of(error: Exception) -> str:
 
 
 def damaged(path: Path, error: Exception | str) -> RecordingError:
-    """Return the error of a file that is damaged, from one of `DAMAGE` or from a clause."""
+    """Return the error of a damaged file, from one of `DAMAGE` or from a clause."""
     reason = error if isinstance(error, str) else reason_of(error)
     return RecordingError(
         f"The recording {path} is damaged ({reason}); `duralab verify {path}` says where.", reason=reason
@@ -107,19 +107,19 @@ def damaged(path: Path, error: Exception | str) -> RecordingError:
 
 
 def unreadable(path: Path, error: OSError) -> RecordingError:
-    """Return the error of a file that the system does not give, e.g. one that was deleted since it was opened.
+    """Return the error of a file that the system cannot read, e.g. one that was deleted after it was opened.
 
     Parameters
     ----------
     path : Path
-        The file.
+        Path of the file.
     error : OSError
-        What the system says.
+        Error of the system.
 
     Returns
     -------
     RecordingError
-        To be raised.
+        Error to raise.
     """
     reason = error.strerror or error
     return RecordingError(f"The recording {path} cannot be read: {reason}; give the path of an .mcap file.")
@@ -127,7 +127,7 @@ def unreadable(path: Path, error: OSError) -> RecordingError:
 
 @contextmanager
 def reading(path: Path) -> Iterator[None]:
-    """Raise RecordingError for what the system or a damaged file raises while it is read."""
+    """Convert the errors of the system or of a damaged file to RecordingError while it is read."""
     try:
         yield
     except OSError as error:
@@ -138,22 +138,22 @@ def reading(path: Path) -> Iterator[None]:
 
 @contextmanager
 def within_contract(path: Path) -> Iterator[None]:
-    """Refuse a recording whose arrays are not those of the contract while they are decoded.
+    """Refuse a recording whose arrays violate the contract while they are decoded.
 
     Parameters
     ----------
     path : Path
-        The file, for the sentence.
+        Path of the file, for the sentence.
 
     Yields
     ------
     None
-        To the code that decodes.
+        Nothing, to the code that decodes.
 
     Raises
     ------
     RecordingError
-        Instead of ArrayError.
+        Replaces ArrayError.
     """
     try:
         yield

@@ -1,4 +1,4 @@
-"""The index of a recording's file, and its chunks read through it: nothing else of a file is read than what counts."""
+"""Index of a recording's file, and its chunks read through it: only the needed parts of a file are read."""
 
 from __future__ import annotations
 
@@ -21,36 +21,36 @@ from mcap.summary import Summary
 from duralab_recordings.unfinished import FOOTER_BYTES, LARGEST_RECORD, MAGIC, scan
 
 _RECORD_HEAD: Final = struct.Struct("<BQ")
-# Opcode and length, then where the index and its offsets start; the checksum follows.
+# Opcode and length, then the positions of the index and its offsets; the checksum follows.
 _FOOTER: Final = struct.Struct("<BQQQI")
 _CRC_BYTES: Final = 4
 _BLOCK_BYTES: Final = 1024 * 1024
-# Of a message index: kind, length of the rest, channel and the length of its entries, 16 bytes each.
+# Head of a message index: kind, length of the rest, channel and the length of its entries, 16 bytes each.
 _INDEX_HEAD: Final = struct.Struct("<BQHI")
 _INDEX_ENTRY_BYTES: Final = 16
-# Of a chunk: its head, first and last time, and size.
+# Start of a chunk: its head, first and last time, and size.
 _CHUNK: Final = struct.Struct("<BQQQQ")
 _LARGEST_IN_INDEX: Final = 64 * 1024 * 1024
-"""Bytes of a record of the index: those of a schema and of a chunk with thousands of channels are far smaller."""
+"""Largest record of the index in bytes: those of a schema and of a chunk with thousands of channels are far smaller."""
 
 
 def index_of(path: Path) -> Summary:
-    """Return the index of a file; one without an end is read from its start for it, once as long as nothing is added.
+    """Return the index of a file; for a file without an end it is made by a scan, and kept until the file changes.
 
     Parameters
     ----------
     path : Path
-        Of the file.
+        Path of the file.
 
     Returns
     -------
     Summary
-        Its schemas, channels and chunks, as far as it is whole.
+        Its schemas, channels and chunks, as far as the file is intact.
 
     Raises
     ------
     McapError
-        It is damaged; one of the other exceptions of `DAMAGE` may come as well.
+        If the file is damaged; other exceptions of `DAMAGE` are possible as well.
     """
     status = path.stat()
     return _index(path, status.st_size, status.st_mtime_ns)
@@ -58,7 +58,7 @@ def index_of(path: Path) -> Summary:
 
 @lru_cache(maxsize=16)
 def _index(path: Path, size: int, changed: int) -> Summary:
-    del size, changed  # They are the cache's key: another file of that name has others.
+    del size, changed  # Key of the cache: another file of that name has other values.
     with path.open("rb") as stream:
         if index_start(stream):
             return index_reader(stream).get_summary() or Summary()
@@ -69,9 +69,9 @@ def _index(path: Path, size: int, changed: int) -> Summary:
 
 
 def index_start(stream: IO[bytes]) -> int | None:
-    """Return where the index of a file begins, after a check of its checksum and its records.
+    """Return the position of a file's index, after a check of its checksum and its records.
 
-    A flipped bit in the index would hide whole chunks. Zeros, as a failing disk leaves them, would be stepped through
+    A flipped bit in the index would hide whole chunks. Zeros, which a failing disk leaves, would be stepped through
     nine bytes at a time.
     """
     size = stream.seek(0, os.SEEK_END)
@@ -81,7 +81,7 @@ def index_start(stream: IO[bytes]) -> int | None:
     stream.seek(footer)
     opcode, length, start, _, checksum = _FOOTER.unpack(stream.read(_FOOTER.size))
     is_footer = (opcode, length) == (Opcode.FOOTER, FOOTER_BYTES) and start <= footer
-    # Without an index the checksum is over the footer alone; where it is 0, none was worked out.
+    # Without an index the checksum covers the footer alone; 0 means that no checksum was computed.
     covered = range(start or footer, footer + _FOOTER.size - _CRC_BYTES)
     is_sound = is_footer and (checksum == 0 or _checksum(stream, covered) == checksum)
     stream.seek(footer + _FOOTER.size)
@@ -103,25 +103,25 @@ def index_start(stream: IO[bytes]) -> int | None:
 
 
 def index_reader(stream: IO[bytes]) -> SeekingReader:
-    """Return a reader of a finished file, after a check of its index and of the places of its metadata.
+    """Return a reader of a finished file, after a check of its index and of the positions of its metadata.
 
     Parameters
     ----------
     stream : file
-        A finished file, open for reading.
+        Finished file, open for reading.
 
     Returns
     -------
     SeekingReader
-        At the beginning of the file.
+        Reader at the beginning of the file.
 
     Raises
     ------
     McapError
-        It has no index, or a damaged one; one of the other exceptions of `DAMAGE` may come as well.
+        If the file has no index or a damaged one; other exceptions of `DAMAGE` are possible as well.
     """
     if not index_start(stream):
-        # The reader would look for messages and metadata from the start of the file.
+        # The reader would search for messages and metadata from the start of the file.
         raise McapError("it has no index")
     stream.seek(0)
     reader = SeekingReader(stream, validate_crcs=True, record_size_limit=LARGEST_RECORD)
@@ -135,21 +135,21 @@ def index_reader(stream: IO[bytes]) -> SeekingReader:
 
 
 def expect_chunk(stream: IO[bytes], chunk: ChunkIndex) -> None:
-    """Check that a chunk begins where its file's index says, and as it says.
+    """Check that a chunk begins at the position in its file's index, and has the properties stated there.
 
-    Zeros, as a failing disk leaves them, read as a chunk without messages.
+    Zeros, which a failing disk leaves, read as a chunk without messages.
 
     Parameters
     ----------
     stream : file
-        A finished file, open for reading.
+        Finished file, open for reading.
     chunk : ChunkIndex
         Entry of its index.
 
     Raises
     ------
     McapError
-        Another record begins there, or none.
+        If another record begins there, or none.
     """
     stream.seek(chunk.chunk_start_offset)
     content = stream.read(_CHUNK.size)
@@ -173,31 +173,31 @@ def _checksum(stream: IO[bytes], covered: range) -> int:
 
 
 def forget_indexes() -> None:
-    """Read every index again, as a new process does."""
+    """Empty the cache of indexes, so that every index is read again, as in a new process."""
     _index.cache_clear()
 
 
 def count_messages(stream: IO[bytes], chunk: ChunkIndex, channel: int) -> int:
-    """Return how many messages of a channel a chunk holds; the chunk itself is not read.
+    """Return the number of messages of a channel in a chunk; the chunk itself is not read.
 
     Parameters
     ----------
     stream : file
-        The chunk's file, open for reading.
+        File of the chunk, open for reading.
     chunk : ChunkIndex
-        Where the chunk is.
+        Index entry of the chunk.
     channel : int
-        One of its channels.
+        Number of one of its channels.
 
     Returns
     -------
     int
-        As many as the chunk's message index has entries.
+        Number of entries of the chunk's message index.
 
     Raises
     ------
     McapError
-        There is no such message index where the file's index says.
+        If there is no such message index at the position in the file's index.
     """
     offset = chunk.message_index_offsets[channel]
     stream.seek(offset)
@@ -211,7 +211,7 @@ def count_messages(stream: IO[bytes], chunk: ChunkIndex, channel: int) -> int:
 
 
 def messages_at(stream: IO[bytes], offset: int, channels: Collection[int]) -> list[Message]:
-    """Read the messages of some channels from the chunk at a byte, checksum checked, in the order they were written."""
+    """Read the messages of some channels from the chunk at a byte, with a check of its checksum, as written."""
     if _head(stream, offset)[0] != Opcode.CHUNK:
         raise McapError(f"at byte {offset} is not the chunk that was written there")
     records = breakup_chunk(Chunk.read(ReadDataStream(stream)), validate_crc=True)
@@ -219,26 +219,26 @@ def messages_at(stream: IO[bytes], offset: int, channels: Collection[int]) -> li
 
 
 def messages_of(path: Path, chunk: ChunkIndex, channels: Collection[int]) -> list[Message]:
-    """Read the messages of some channels from a chunk that an index names; as `messages_at`.
+    """Read the messages of some channels from a chunk in an index; as `messages_at`.
 
     Parameters
     ----------
     path : Path
-        The chunk's file.
+        File of the chunk.
     chunk : ChunkIndex
-        Where the chunk is.
+        Index entry of the chunk.
     channels : collection of int
-        The channels wanted.
+        Numbers of the channels.
 
     Returns
     -------
     list of Message
-        Theirs.
+        Messages of these channels.
 
     Raises
     ------
     McapError
-        The chunk is not as its index says, or damaged.
+        If the chunk is damaged or differs from its index.
     """
     with path.open("rb") as stream:
         expect_chunk(stream, chunk)
@@ -251,14 +251,14 @@ def messages_on(path: Path, topic: str) -> Iterator[Message]:
     Parameters
     ----------
     path : Path
-        Of the file.
+        Path of the file.
     topic : str
-        Of the messages.
+        Topic of the messages.
 
     Yields
     ------
     Message
-        As the file holds it.
+        Message as stored.
 
     Raises
     ------
@@ -273,24 +273,24 @@ def messages_on(path: Path, topic: str) -> Iterator[Message]:
 
 
 def last_metadata(path: Path, name: str) -> dict[str, str] | None:
-    """Read the last metadata record of a name from a finished file; None where it has none.
+    """Read the last metadata record of a name from a finished file; None if it has none.
 
     Parameters
     ----------
     path : Path
-        Of the file.
+        Path of the file.
     name : str
-        Of the record.
+        Name of the record.
 
     Returns
     -------
     dict of str to str, or None
-        The content of the record.
+        Content of the record.
 
     Raises
     ------
     McapError
-        The file is damaged; one of the other exceptions of `DAMAGE` may come as well.
+        If the file is damaged; other exceptions of `DAMAGE` are possible as well.
     """
     places = [place for place in index_of(path).metadata_indexes if place.name == name]
     if not places:

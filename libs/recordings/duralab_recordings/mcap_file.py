@@ -1,7 +1,7 @@
-"""The files of a recording, `<name>.mcap`, `<name>.part02.mcap`, …, as one chain, and their messages by type.
+"""Files of a recording, `<name>.mcap`, `<name>.part02.mcap`, …, as one chain, and their messages by type.
 
-Each file says which part of which recording it is, and the end of each which file it continues in. What the hash of the
-file before says is left to `verify`: it takes a reading of every byte.
+Each file states its recording and the number of its part, and each end the file in which the recording continues. Only
+`verify` checks the hash of the previous file: that requires a reading of every byte.
 """
 
 from __future__ import annotations
@@ -26,39 +26,39 @@ from duralab_recordings.unfinished import MAGIC, RecordReader, end_of_records, w
 from duralab_settings import open_regular
 
 FORMAT_VERSION: Final = 2
-"""Version of the format that a recorder of this project writes; each reads those of before.
+"""Version of the format that this recorder writes; it also reads earlier versions.
 
 1: steps carry the samples of their runs, files name no version. 2: steps name the hash of their run's samples, which
 are in its signal blocks only; `accept` is part of the specification.
 """
 
 PART_METADATA: Final = "part"
-"""Named set of texts at the start of each file: which part of which recording it is, and the version of its format."""
+"""Name of the metadata at the start of each file: its recording, the number of its part, and the format version."""
 
 SUMMARY_METADATA: Final = "summary"
-"""Named set of texts at the end of each file: what is stored so far, and which file it continues in."""
+"""Name of the metadata at the end of each file: the stored content so far, and the file in which it continues."""
 
 _VERSION: Final = "format_version"
 
 
 def part_metadata(recording: str, *, number: int, previous: Path | None, previous_sha256: str) -> dict[str, str]:
-    """Return what a file says at its start about its place.
+    """Return the metadata at the start of a file about its place in the chain.
 
     Parameters
     ----------
     recording : str
         Id of the recording.
     number : int
-        Of the file, from 1.
+        Number of the file, from 1.
     previous : Path or None
-        The file before it.
+        Previous file.
     previous_sha256 : str
-        SHA-256 (hexadecimal) of that; empty where there is none.
+        SHA-256 (hexadecimal) of the previous file; empty if there is none.
 
     Returns
     -------
     dict of str to str
-        The texts of `PART_METADATA`.
+        Content of `PART_METADATA`.
     """
     return {
         _VERSION: str(FORMAT_VERSION),
@@ -70,17 +70,17 @@ def part_metadata(recording: str, *, number: int, previous: Path | None, previou
 
 
 def newer_format(said: Mapping[str, str]) -> str:
-    """Return in a clause that a file cannot be read because its format is newer; empty where it can.
+    """Return as a clause that a file's format is too new to read; empty if it can be read.
 
     Parameters
     ----------
     said : mapping of str to str
-        The texts of its `PART_METADATA`.
+        Content of its `PART_METADATA`.
 
     Returns
     -------
     str
-        With the version and what to do, without a full stop.
+        Clause with the version and the remedy, without a full stop.
     """
     version = said.get(_VERSION, "1")
     if version.isdecimal() and 1 <= int(version) <= FORMAT_VERSION:
@@ -93,10 +93,10 @@ def newer_format(said: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True)
 class Part:
-    """What a file says of its place; empty or 0 where it does not say.
+    """Place of a file in the chain, as the file states it; empty or 0 if it does not.
 
-    `next_file`: Name of the file in which the recording continues. `is_empty`: It was begun and never finished, and
-    neither says what it is nor holds a message.
+    `next_file`: Name of the file in which the recording continues. `is_empty`: The file was begun and never finished,
+    and has neither part metadata nor a message.
     """
 
     path: Path
@@ -107,7 +107,7 @@ class Part:
 
 
 def part_path(path: Path, number: int) -> Path:
-    """Return where a part of a recording lies whose first file is `path`.
+    """Return the path of a part of a recording whose first file is `path`.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def part_path(path: Path, number: int) -> Path:
 
 
 def parts_beside(path: Path) -> dict[int, Path]:
-    """Return the files beside a recording's first one that are named as parts of it, by number, in order.
+    """Return the files beside a recording's first one that are named as its parts, by number, in order.
 
     Parameters
     ----------
@@ -140,7 +140,7 @@ def parts_beside(path: Path) -> dict[int, Path]:
     Raises
     ------
     RecordingError
-        Its folder cannot be listed.
+        If the folder cannot be listed.
     """
     name = re.compile(rf"{re.escape(path.stem)}\.part(?P<number>\d{{2,}}){re.escape(path.suffix)}")
     found: dict[int, Path] = {}
@@ -174,7 +174,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def require_chain(parts: Sequence[Part]) -> None:
-    """Refuse files that are not the parts of one recording in their order, from its first to its last."""
+    """Refuse files that are not the parts of one recording in order, from its first to its last."""
     first, last = parts[0], parts[-1]
     recording = next((part.recording for part in parts if part.recording), "")
     named = re.fullmatch(r"(?P<stem>.+)\.part\d{2,}", first.path.stem)
@@ -185,9 +185,9 @@ def require_chain(parts: Sequence[Part]) -> None:
         )
     for number, part in enumerate(parts, start=1):
         if part.is_empty and part is last:
-            # Its recorder was killed as it began the file: nothing is missing without it.
+            # Its recorder was killed while it began the file: no data is missing without it.
             continue
-        # A recorder of before wrote no such texts into a first file; into one that follows, each writes them.
+        # Older recorders wrote no such metadata into a first file, but into each following one.
         if part.recording != recording and (part.recording or number > 1):
             said = f"of the recording {part.recording!r}" if part.recording else "of a recording that it does not name"
             raise RecordingError(
@@ -208,7 +208,7 @@ def require_chain(parts: Sequence[Part]) -> None:
 def open_end(path: Path, *, parts: int, reason: str) -> str:
     """Return as text that a recording ends with a file after which its recorder may have continued in another.
 
-    A file that was repaired after its recorder was killed names no next one: when it was repaired there was none.
+    A file that was repaired after its recorder was killed names no next one: at the repair there was none.
     """
     why = f"{reason[:1].lower()}{reason[1:]}".rstrip(".") or "it was not closed"
     following = part_path(path, parts + 1).name
@@ -218,60 +218,60 @@ def open_end(path: Path, *, parts: int, reason: str) -> str:
 MessageT = TypeVar("MessageT", bound=Message)
 
 EPOCH: Final = "epoch"
-"""Entry of a stream channel's metadata: the epoch of its publisher."""
+"""Key of a stream channel's metadata: the epoch of its publisher."""
 
 
 def epoch_of(channel: Channel) -> int:
-    """Return the epoch of a stream's publisher; 0 of a channel that is no stream's."""
+    """Return the epoch of a stream's publisher; 0 for a channel that is not a stream's."""
     return int(channel.metadata.get(EPOCH, "0"))
 
 
 class McapFile:
-    """The MCAP files of protobuf messages that are one recording.
+    """MCAP files of protobuf messages that are one recording.
 
     Parameters
     ----------
     path : Path
-        The first file; those that follow lie beside it.
+        First file; the following ones are beside it.
 
     Raises
     ------
     RecordingError
-        There is no such file, it is no MCAP file or of a newer format, its index is damaged, or the files are not one
-        whole chain.
+        The file does not exist, is not an MCAP file or has a newer format, its index is damaged, or the files are not
+        one complete chain.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        # The first one is opened before others are looked for: a name that no file can have is said as such.
+        # The first one is opened before others are searched: an impossible file name gets its own error.
         first = _OneFile(path)
         self._files = [first, *(_OneFile(file) for file in files_of(path)[1:])]
         require_chain([file.part for file in self._files])
 
     @property
     def paths(self) -> list[Path]:
-        """Its files, in order."""
+        """Paths of its files, in order."""
         return [file.path for file in self._files]
 
     @property
     def whole(self) -> bool:
-        """False where a file has no index at its end: its writer was killed, what was written is read in order."""
+        """False if a file has no index at its end: its writer was killed, and the written part is read in order."""
         return all(file.whole for file in self._files)
 
     def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
-        """Yield the messages of one type in the order they were written, one in memory at a time."""
+        """Yield the messages of one type in the order of writing, one in memory at a time."""
         for file in self._files:
             yield from file.messages(kind)
 
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Return the named sets of texts in the files, the last of each name; those of an unfinished one too."""
+        """Return the metadata of the files by name, the last of each name; those of an unfinished file too."""
         found: dict[str, dict[str, str]] = {}
         for file in self._files:
             found |= file.metadata()
         return found
 
     def open_end(self) -> str:
-        """Return in a clause that the last file is whole and the recording may continue in another; see `open_end`."""
+        """Return as a clause that the last file is whole and the recording may continue in another; see `open_end`."""
         reason = self.metadata().get(SUMMARY_METADATA, {}).get("reason", "")
         return open_end(self.path, parts=len(self._files), reason=reason)
 
@@ -287,7 +287,7 @@ class _OneFile:
                     f"{path} does not start as an MCAP file and is no recording; give a recording.mcap."
                 )
             try:
-                # Once: its index is as long as there are chunks.
+                # Read once: the index is as long as the number of chunks.
                 reader = index_reader(stream) if index_start(stream) else None
                 summary = None if reader is None else reader.get_summary()
                 self.whole = summary is not None and summary.statistics is not None
@@ -296,7 +296,7 @@ class _OneFile:
                 raise damaged(path, error) from error
 
     def _part(self, stream: IO[bytes], reader: SeekingReader | None) -> Part:
-        """Return what the file says of its place; one that was never finished says at its start which part it is."""
+        """Return the place of the file in the chain; one that was never finished states its part at its start."""
         is_empty, texts = False, {}
         if reader is not None:
             texts = {entry.name: entry.metadata for entry in reader.iter_metadata()}
@@ -335,7 +335,7 @@ class _OneFile:
         try:
             stream = open_regular(self.path)
         except (FileNotFoundError, ValueError) as error:
-            # ValueError: no name on this system, for it holds a zero byte.
+            # ValueError: not a possible name on this system, since it holds a zero byte.
             raise MissingFileError(self.path) from error
         except IsADirectoryError as error:
             raise RecordingError(f"{str(self.path)!r} is a folder; give the path of an .mcap file.") from error
@@ -361,7 +361,7 @@ class _OneFile:
         summary = index_reader(stream).get_summary() or Summary()
         schemas = {schema.id for schema in summary.schemas.values() if schema.name == schema_name}
         channels = {channel.id for channel in summary.channels.values() if channel.schema_id in schemas}
-        # A chunk that is not read may be damaged without harm to those that are.
+        # Only needed chunks are read, so that a damaged other one does no harm.
         for chunk in summary.chunk_indexes:
             if chunk.message_index_offsets.keys() & channels:
                 expect_chunk(stream, chunk)
@@ -383,7 +383,7 @@ class _OneFile:
                     pass
 
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Return the named sets of texts; see `McapFile.metadata`."""
+        """Return the metadata by name; see `McapFile.metadata`."""
         with self._opened() as stream:
             try:
                 records = index_reader(stream).iter_metadata() if self.whole else self._in_order(stream)

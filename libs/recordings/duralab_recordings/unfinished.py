@@ -1,6 +1,6 @@
-"""Records of a file from its start, as far as it is whole; also of one that was never finished.
+"""Records of a file from its start, as far as it is intact; also of a file that was never finished.
 
-A recorder that is killed leaves a file that stops somewhere. Everything before is whole and has its checksums.
+A recorder that is killed leaves a file with an arbitrary end. All records before it are whole and have their checksums.
 """
 
 from __future__ import annotations
@@ -39,11 +39,12 @@ from duralab_recordings.damage import DAMAGE
 
 MAGIC: Final = b"\x89MCAP0\r\n"
 LARGEST_RECORD: Final = 5 * 2**28
-"""Bytes of a record, 1.25 GiB: the bus carries messages of 1 GiB at most. A larger one is damage."""
+"""Largest record in bytes, 1.25 GiB: the bus carries messages of 1 GiB at most. A larger one is damage."""
 
 _HEAD: Final = struct.Struct("<BQ")
 _CHUNK_KIND: Final = bytes([Opcode.CHUNK])
-# Head, two times, size, checksum and the length of the compression's name; that and the length of the records follow.
+# Head, two times, size, checksum and the length of the compression's name; the name and the length of the records
+# follow.
 _CHUNK_HEAD: Final = struct.Struct("<BQQQQII")
 _COMPRESSIONS: Final = (b"", b"lz4", b"zstd")
 _LENGTH_BYTES: Final = 8
@@ -52,7 +53,7 @@ FOOTER_BYTES: Final = 20
 _CRC_BYTES: Final = 4
 
 Take = Callable[[McapRecord], None]
-"""Called with each schema, channel, message, metadata and attachment, in order."""
+"""Callback for each schema, channel, message, metadata and attachment, in order."""
 
 
 @dataclass
@@ -62,13 +63,13 @@ class Unfinished:
     Parameters
     ----------
     end : int
-        Where it ends: what follows was being written and is no part of it.
+        Position of its end: the bytes after it were being written and are not part of it.
     crc : int
-        CRC-32 of everything before.
+        CRC-32 of all bytes before the end.
     schemas, channels : dict
         Records of the file, by their number.
     chunks, attachments, metadata : list
-        Index entries of what lies before the end, in its order.
+        Index entries of the part before the end, in its order.
     message_counts : dict of int to int
         Number of messages of each channel.
     """
@@ -84,7 +85,7 @@ class Unfinished:
 
 
 class ZerosError(McapError):
-    """Zeros stand where a record was to come, as a power cut or a failing disk leaves them."""
+    """Zeros instead of a record, as a power cut or a failing disk leaves them."""
 
 
 class RecordReader(StreamReader):
@@ -93,7 +94,7 @@ class RecordReader(StreamReader):
     Parameters
     ----------
     stream : file
-        Open for reading, at its beginning.
+        Stream open for reading, at its beginning.
     """
 
     def __init__(self, stream: IO[bytes]) -> None:
@@ -111,12 +112,12 @@ def is_finished(path: Path) -> bool:
     Parameters
     ----------
     path : Path
-        Of the file.
+        Path of the file.
 
     Returns
     -------
     bool
-        Whether a footer and the magic bytes end it.
+        Whether the file ends with a footer and the magic bytes.
     """
     least = 2 * len(MAGIC) + _HEAD.size + FOOTER_BYTES
     with path.open("rb") as stream:
@@ -128,19 +129,19 @@ def is_finished(path: Path) -> bool:
 
 
 def check_begin(path: Path) -> None:
-    """Check that a file begins as an MCAP file does, however short it is.
+    """Check that a file begins as an MCAP file does, for a file of any length.
 
     Parameters
     ----------
     path : Path
-        Of the file.
+        Path of the file.
 
     Raises
     ------
     InvalidMagic
-        It begins otherwise.
+        If it begins otherwise.
     OSError
-        It is a FIFO, a socket or a device, which makes its reader wait without end, or it cannot be read.
+        If it is a FIFO, a socket or a device, which would block its reader without end, or cannot be read.
     """
     kind = stat.S_IFMT(path.stat().st_mode)
     if kind not in (stat.S_IFREG, stat.S_IFDIR):
@@ -152,24 +153,24 @@ def check_begin(path: Path) -> None:
 
 
 def scan(path: Path, take: Take) -> Unfinished:
-    """Read a file from its start as far as it is whole, with all checksums, one record in memory at a time.
+    """Read a file from its start as far as it is intact, with all checksums, one record in memory at a time.
 
     Parameters
     ----------
     path : Path
-        A file that was written in chunks; where it has an ending, that is left out.
+        File that was written in chunks; an ending is left out.
     take : callable
         Called with each record; an error that it raises ends the scan.
 
     Returns
     -------
     Unfinished
-        With `end` 0 where it does not even begin as an MCAP file.
+        Intact part, with `end` 0 if the file does not even begin as an MCAP file.
 
     Raises
     ------
     McapError
-        It is damaged in its middle: what follows there is whole, so no kill ended it.
+        If it is damaged in its middle: the records after that are whole, so that no kill ended it there.
     """
     found = Unfinished()
     with path.open("rb") as stream:
@@ -179,7 +180,7 @@ def scan(path: Path, take: Take) -> Unfinished:
 
 
 def whole_records(stream: IO[bytes], found: Unfinished | None = None) -> Iterator[McapRecord]:
-    """Yield what `scan` takes, a chunk in memory at a time."""
+    """Yield the records for `scan`, with one chunk in memory at a time."""
     noted = Unfinished() if found is None else found
     stream.seek(0)
     if stream.read(len(MAGIC)) != MAGIC:
@@ -192,9 +193,9 @@ def whole_records(stream: IO[bytes], found: Unfinished | None = None) -> Iterato
 
 
 def end_of_records(stream: IO[bytes]) -> int:
-    """Return the position after the last record that is there with all its bytes; none of their content is read.
+    """Return the position after the last record with all its bytes; the content of records is not read.
 
-    Zeros up to the end of the file are none: a power cut leaves them where data was to come.
+    Zeros up to the end of the file are no records: a power cut leaves them instead of data.
     """
     size = stream.seek(0, os.SEEK_END)
     end = len(MAGIC)
@@ -214,7 +215,7 @@ def end_of_records(stream: IO[bytes]) -> int:
 
 
 def _zeros_end(stream: IO[bytes], start: int) -> int:
-    """Return the position of the first byte that is not zero; what a sparse file does not store is not read."""
+    """Return the position of the first byte that is not zero; holes of a sparse file are not read."""
     position = start
     while (data := _next_data(stream, position)) is not None:
         position = data
@@ -228,7 +229,7 @@ def _zeros_end(stream: IO[bytes], start: int) -> int:
 
 @dataclass
 class _Group:
-    """A record, or a chunk with the message indexes that belong to it: whole, or taken for not written."""
+    """A record, or a chunk with its message indexes: whole, or taken for not written."""
 
     start: int
     data: bytes
@@ -236,7 +237,7 @@ class _Group:
     indexes: dict[int, tuple[int, int]] = field(default_factory=dict)
     inner: list[McapRecord] = field(default_factory=list)
     torn: bool = False
-    """Whether it is the last and what follows its chunk is not all there."""
+    """Whether it is the last group and parts after its chunk are missing."""
 
     @staticmethod
     def read(stream: IO[bytes], *, start: int) -> _Group | None:
@@ -262,7 +263,7 @@ class _Group:
         return group
 
     def _read_chunk(self, stream: IO[bytes]) -> bool:
-        """Read what is in the chunk, and the indexes behind it; return whether it is all there."""
+        """Read the content of the chunk, and the indexes after it; return whether all of it exists."""
         try:
             self.inner = breakup_chunk(Chunk.read(_body(self.data)), validate_crc=True)
         except (*DAMAGE, MemoryError):
@@ -331,13 +332,13 @@ class _Group:
 
 
 def _read_record(stream: IO[bytes]) -> tuple[int, bytes] | None:
-    """Return the kind and all bytes of the next record, or None where it is not there as a whole."""
+    """Return the kind and all bytes of the next record, or None if it is not complete."""
     head = stream.read(_HEAD.size)
     if len(head) < _HEAD.size:
         return None
     opcode, length = _HEAD.unpack(head)
     left = os.fstat(stream.fileno()).st_size - stream.tell()
-    # A kind 0 is no record: a power cut may leave zeros where data was to come.
+    # Kind 0 is not a record: a power cut may leave zeros instead of data.
     if opcode == 0 or length > min(left, LARGEST_RECORD):
         _refuse_whole_chunk_after(stream, stream.tell())
         return None
@@ -345,20 +346,20 @@ def _read_record(stream: IO[bytes]) -> tuple[int, bytes] | None:
 
 
 def _refuse_whole_chunk_after(stream: IO[bytes], position: int) -> None:
-    """Raise McapError where a whole chunk follows: then what lies before it is damaged, and not the file's end."""
+    """Raise McapError if a whole chunk follows: then the bytes before it are damaged, and not the file's end."""
     if any(_is_whole_chunk(stream, start, length) for start, length in _chunk_heads(stream, position)):
         raise McapError(f"what lies before byte {position} is not what was written, and others follow it")
     stream.seek(position)
 
 
 def _chunk_heads(stream: IO[bytes], start: int) -> Iterator[tuple[int, int]]:
-    """Yield position and length of all that may be a chunk; what a sparse file does not store is not read."""
+    """Yield position and length of every possible chunk; holes of a sparse file are not read."""
     size = os.fstat(stream.fileno()).st_size
     position = start
     while (data := _next_data(stream, position)) is not None:
         position = data
         stream.seek(position)
-        # Of a kind at the end of a block, the length lies behind it.
+        # For a kind at the end of a block, the length is after the block.
         block = stream.read(_BLOCK_BYTES + _HEAD.size - 1)
         at = block.find(_CHUNK_KIND, 0, _BLOCK_BYTES)
         while at >= 0:
@@ -370,12 +371,12 @@ def _chunk_heads(stream: IO[bytes], start: int) -> Iterator[tuple[int, int]]:
 
 
 def _next_data(stream: IO[bytes], start: int) -> int | None:
-    """Return the position of the next stored byte from `start` on; None where only a hole follows."""
+    """Return the position of the next stored byte from `start` on; None if only a hole follows."""
     if sys.platform == "win32":
-        # Nothing says where its holes are: they are read, as zeros.
+        # The system does not report the holes: they are read, as zeros.
         return start if start < os.fstat(stream.fileno()).st_size else None
     descriptor = stream.fileno()
-    # The stream's buffer counts on where its descriptor stands.
+    # The stream's buffer depends on the position of its descriptor.
     before = os.lseek(descriptor, 0, os.SEEK_CUR)
     try:
         return os.lseek(descriptor, start, os.SEEK_DATA)
@@ -395,7 +396,7 @@ def _is_whole_chunk(stream: IO[bytes], start: int, length: int) -> bool:
     name_length = _CHUNK_HEAD.unpack_from(content)[-1]
     name, records = content[_CHUNK_HEAD.size :][:name_length], content[_CHUNK_HEAD.size + name_length :]
     before = _CHUNK_HEAD.size - _HEAD.size + name_length + _LENGTH_BYTES
-    # Only then it is read: nearly every byte that looks like a chunk's beginning is none.
+    # Only then the chunk is read: nearly every byte that looks like the start of a chunk is not one.
     if name not in _COMPRESSIONS or before + int.from_bytes(records[:_LENGTH_BYTES], "little") != length:
         return False
     stream.seek(start + _HEAD.size)
@@ -406,11 +407,11 @@ def _is_whole_chunk(stream: IO[bytes], start: int, length: int) -> bool:
 
 
 def _expect_last(stream: IO[bytes], start: int) -> None:
-    """Accept a last record whose content is not what was written, as a power cut leaves it; elsewhere it is damage."""
+    """Accept a last record with wrong content, as a power cut leaves it; elsewhere it is damage."""
     position = stream.tell()
     if _read_record(stream) is not None:
         raise McapError(f"what lies before byte {position} is not what was written, and others follow it")
-    # Its length may be what is damaged: others may lie within what it claims to be.
+    # Its length may be damaged: other records may lie within the stated length.
     _refuse_whole_chunk_after(stream, start + _HEAD.size)
 
 

@@ -1,4 +1,4 @@
-"""Signals of the runs of a recording, read through the index of its files: no more of them than is asked for."""
+"""Signals of the runs of a recording, read through the index of its files: only the requested parts."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from duralab_recordings.index import count_messages, index_of, messages_at
 from duralab_recordings.mcap_file import epoch_of
 
 CACHE_BYTES: Final = 128 * 1024 * 1024
-"""So much of the newest windows is kept."""
+"""Size in bytes of the newest windows that are kept."""
 WINDOW_BYTES: Final = 1024
-"""What a window takes beside its samples, rounded up: of single samples that is nearly all."""
+"""Size in bytes of a window beside its samples, rounded up: for single samples that is nearly all."""
 
 
 def played_epochs(messages: Iterable[recorder_pb2.RunPlayed]) -> dict[str, int]:
@@ -33,26 +33,26 @@ def played_epochs(messages: Iterable[recorder_pb2.RunPlayed]) -> dict[str, int]:
     Parameters
     ----------
     messages : iterable of RunPlayed
-        What was committed after playbacks, in order: the last of a run counts.
+        Messages committed after playbacks, in order: the last of a run counts.
 
     Returns
     -------
     dict of str to int
-        Without the runs that were not played to their end.
+        Epochs without the runs that were not played to their end.
     """
     return {played.run: played.epoch for played in messages}
 
 
 @dataclass(frozen=True)
 class BlockPlace:
-    """A chunk that holds `count` signal blocks of one channel of its file.
+    """Chunk that holds `count` signal blocks of one channel of its file.
 
     Parameters
     ----------
     path : Path
-        The file.
+        Path of the file.
     offset : int
-        Where the chunk begins.
+        Position of the chunk.
     channel : int
         Number of the channel.
     count : int
@@ -78,14 +78,14 @@ class RunBound:
 
 @dataclass(frozen=True)
 class Window:
-    """A part of a run.
+    """Part of a run.
 
     Parameters
     ----------
     drive : ndarray, shape (drives, samples)
-        What was commanded, in the rig's units.
+        Commands, in the rig's units.
     response : ndarray, shape (responses, samples)
-        What was measured.
+        Measurements, in the rig's units.
     """
 
     drive: np.ndarray
@@ -93,21 +93,21 @@ class Window:
 
     @property
     def bytes(self) -> int:
-        """Memory in bytes if its arrays are no views of larger ones."""
+        """Memory in bytes if its arrays are not views of larger ones."""
         return self.drive.nbytes + self.response.nbytes + WINDOW_BYTES
 
 
 class WindowCache:
-    """The windows that were used last; of one recording, by run, first sample and the sample after the last."""
+    """Most recently used windows of one recording, by run, first sample and the sample after the last."""
 
     def __init__(self) -> None:
         self._kept: OrderedDict[tuple[str, int, int], Window] = OrderedDict()
         self._bytes = 0
-        # xarray reads from several threads where its user divides an array into pieces.
+        # xarray reads from several threads if its user divides an array into pieces.
         self._lock = Lock()
 
     def find(self, key: tuple[str, int, int]) -> Window | None:
-        """Return the window of a run, its first sample and the sample after its last; None where it is not kept."""
+        """Return the window of a run, its first sample and the sample after its last; None if it is not kept."""
         with self._lock:
             if key not in self._kept:
                 return None
@@ -116,11 +116,11 @@ class WindowCache:
 
     def keep(self, key: tuple[str, int, int], window: Window) -> None:
         """Keep a window with its own arrays, instead of the least recently used one; its arrays become read-only."""
-        # Who changes a kept window in place changes what is read later; here it is an error instead.
+        # A change of a kept window in place would change later reads; read-only arrays make it an error.
         window.drive.setflags(write=False)
         window.response.setflags(write=False)
         with self._lock:
-            # Two threads may have read the same one.
+            # Two threads may have read the same window.
             replaced = self._kept.pop(key, None)
             self._kept[key] = window
             self._bytes += window.bytes - (replaced.bytes if replaced is not None else 0)
@@ -129,26 +129,26 @@ class WindowCache:
                 self._bytes -= dropped.bytes
 
     def __reduce__(self) -> tuple[type[WindowCache], tuple[()]]:
-        """Copy it empty: a dataset that goes to another process takes no windows along, which are read there."""
+        """Copy the cache empty: a dataset for another process carries no windows, they are read there."""
         return WindowCache, ()
 
 
 class RunSignals:
-    """Reads runs, and parts of them, out of the files of a recording.
+    """Reader of runs, and of parts of them, from the files of a recording.
 
-    Of a run that was repeated after a fault, the epoch that was played to its end counts, or where none was the one
-    that was written last. The numbers do not tell: they come from a clock, which may have been set back.
+    If a run was repeated after a fault, the epoch that was played to its end counts, or without one the last written
+    epoch. The epoch numbers do not decide: they come from a clock, which may have been set back.
 
     Parameters
     ----------
     files : sequence of Path
-        The files of one recording, in order.
+        Files of one recording, in order.
     played : mapping of str to int
-        The epoch in which each run was played to its end.
+        Epoch in which each run was played to its end.
     rig : str
-        Only the runs on this rig; all where empty.
+        Only the runs on this rig; all if empty.
     run : str
-        Only this run; all where empty. The places of the others are not looked up.
+        Only this run; all if empty. The positions of the others are not read.
     """
 
     def __init__(self, files: Sequence[Path], *, played: Mapping[str, int], rig: str = "", run: str = "") -> None:
@@ -162,7 +162,7 @@ class RunSignals:
 
     @cached_property
     def _places(self) -> dict[str, list[BlockPlace]]:
-        """Places of the blocks of each run in the order of writing, for the epoch that counts."""
+        """Positions of the blocks of each run in the order of writing, for the epoch that counts."""
         found: dict[str, list[tuple[int, BlockPlace]]] = {}
         for path in self._files:
             for topic, epoch, place in block_places(path, run=self._run):
@@ -177,11 +177,11 @@ class RunSignals:
 
     @property
     def runs(self) -> tuple[str, ...]:
-        """Names of the runs that have signals, in the order they were recorded."""
+        """Names of the runs with signals, in the order of recording."""
         return tuple(self._places)
 
     def end(self, run: str) -> tuple[int, float, bool]:
-        """Return the number of samples that are here, the sample rate in hertz, and whether the last block is here."""
+        """Return the number of existing samples, the sample rate in hertz, and whether the last block exists."""
         if run not in self._ends:
             end = _end(self._places_of(run))
             self._ends[run] = (end.first_sample + end.response.shape[-1], end.sample_rate, end.last)
@@ -193,7 +193,7 @@ class RunSignals:
         return samples, rate
 
     def bound(self, run: str) -> RunBound:
-        """Return how large a run is at most, from its first block and the number of its blocks."""
+        """Return the upper bound of a run's size, from its first block and the number of its blocks."""
         if run not in self._bounds:
             places = self._places_of(run)
             opening = _read(places[0])[0]
@@ -236,7 +236,7 @@ class RunSignals:
         bound = self.bound(run)
         if last <= first:
             return Window(np.zeros((bound.drives, 0)), np.zeros((bound.responses, 0)))
-        # Blocks lie in their order unless one was lost on the way and fetched later: then every chunk is looked at.
+        # Blocks are in order unless one was lost in transit and fetched later: then every chunk is searched.
         blocks = _covering(_likely(places, bound.block_samples, first, last), first, last)
         if _gap(blocks, first, last) is not None:
             blocks = _covering(places, first, last)
@@ -252,7 +252,7 @@ class RunSignals:
                 raise RecordingError(
                     f"{self._files[0]} holds the samples {begins} to {reached - 1} of the run {run!r} twice."
                 )
-        # Cut before they are joined: the window is kept, and as a view it would hold all of its blocks.
+        # Cut before joining: the window is kept, and a view would hold all of its blocks.
         parts = [slice(max(0, first - block.first_sample), last - block.first_sample) for block in blocks]
         with within_contract(self._files[0]):
             drive, response = (
@@ -269,22 +269,22 @@ class RunSignals:
 
 
 def hash_of_blocks(places: Iterable[BlockPlace]) -> str:
-    """Return the hash of the samples of a run as its blocks hold them on disk.
+    """Return the hash of the samples of a run, computed from its blocks on disk.
 
     Parameters
     ----------
     places : iterable of BlockPlace
-        All of the run's, of one epoch, in the order they were written.
+        All positions of the run, of one epoch, in the order of writing.
 
     Returns
     -------
     str
-        As `duralab_proto.arrays.samples_hash`; empty where the blocks do not follow each other to the last one.
+        As `duralab_proto.arrays.samples_hash`; empty if the blocks do not follow each other to the last one.
 
     Raises
     ------
     RecordingError
-        A file is damaged or cannot be read.
+        If a file is damaged or cannot be read.
     """
     order = _BlockHash()
     for place in places:
@@ -295,7 +295,7 @@ def hash_of_blocks(places: Iterable[BlockPlace]) -> str:
 
 
 class _BlockHash:
-    """Hash of the samples of a run from its blocks in whatever order; one that comes before its turn is kept."""
+    """Hash of the samples of a run from its blocks in any order; a block before its turn is kept."""
 
     def __init__(self) -> None:
         self._hash = SamplesHash()
@@ -304,7 +304,7 @@ class _BlockHash:
         self._whole = False
 
     def take(self, block: rig_pb2.SignalBlock) -> None:
-        """Add a block; raises ArrayError where its arrays are damaged."""
+        """Add a block; raises ArrayError if its arrays are damaged."""
         self._waiting[block.first_sample] = block
         while (following := self._waiting.pop(self._reached, None)) is not None:
             self._hash.add(from_array(following.drive, field="drive"), from_array(following.response, field="response"))
@@ -315,19 +315,19 @@ class _BlockHash:
 
     @property
     def result(self) -> str:
-        """SHA-256 (hexadecimal) of the samples; empty where they are not all there."""
+        """SHA-256 (hexadecimal) of the samples; empty if some are missing."""
         return self._hash.hexdigest() if self._whole and not self._waiting else ""
 
 
 def check_samples(window: Window, wanted: str, *, path: Path, run: str) -> None:
-    """Check the samples of a run against the hash that its step names.
+    """Check the samples of a run against the hash in its step.
 
     Parameters
     ----------
     window : Window
-        The whole run.
+        Whole run.
     wanted : str
-        Hash that the step names.
+        Hash in the step.
     path : Path
         First file of the recording, for the sentence.
     run : str
@@ -336,7 +336,7 @@ def check_samples(window: Window, wanted: str, *, path: Path, run: str) -> None:
     Raises
     ------
     RecordingError
-        They are others.
+        If the samples differ.
     """
     if samples_hash(window.drive, window.response) != wanted:
         raise RecordingError(
@@ -346,24 +346,24 @@ def check_samples(window: Window, wanted: str, *, path: Path, run: str) -> None:
 
 
 def block_places(path: Path, *, run: str = "") -> Iterator[tuple[str, int, BlockPlace]]:
-    """Yield where signal blocks are in a file, chunk after chunk in the order they were written.
+    """Yield the positions of signal blocks in a file, chunk after chunk in the order of writing.
 
     Parameters
     ----------
     path : Path
-        The file; one without an end as far as it is whole.
+        Path of the file; a file without an end is read as far as it is intact.
     run : str
-        Only the blocks of this run; all where empty.
+        Only the blocks of this run; all if empty.
 
     Yields
     ------
     str, int, BlockPlace
-        Key of the run's signals, epoch of their publisher, and place.
+        Key of the run's signals, epoch of their publisher, and position.
 
     Raises
     ------
     RecordingError
-        The file is damaged or cannot be read.
+        If the file is damaged or cannot be read.
     """
     with reading(path):
         summary = index_of(path)
@@ -383,7 +383,7 @@ def block_places(path: Path, *, run: str = "") -> Iterator[tuple[str, int, Block
 
 
 def _likely(places: list[BlockPlace], size: int, first: int, last: int) -> list[BlockPlace]:
-    """Return the chunks that hold a window where all blocks but the last are of one size and in order."""
+    """Return the chunks that hold a window if all blocks but the last are of one size and in order."""
     chosen: list[BlockPlace] = []
     before = 0
     for place in places:
@@ -402,9 +402,9 @@ def _read(place: BlockPlace) -> list[rig_pb2.SignalBlock]:
 
 
 def _end(places: Collection[BlockPlace]) -> rig_pb2.SignalBlock:
-    """Return the last block of a run; of one that was broken off, the last one there is."""
+    """Return the last block of a run; for an aborted run, the last existing one."""
     found: list[rig_pb2.SignalBlock] = []
-    # It is in the last chunk, unless another block was lost on the way and fetched later.
+    # It is in the last chunk, unless another block was lost in transit and fetched later.
     for place in reversed(list(places)):
         found += _read(place)
         if any(block.last for block in found):
@@ -413,7 +413,7 @@ def _end(places: Collection[BlockPlace]) -> rig_pb2.SignalBlock:
 
 
 def _covering(places: list[BlockPlace], first: int, last: int) -> list[rig_pb2.SignalBlock]:
-    """Return the blocks that have samples of a window, by their first sample, each once."""
+    """Return the blocks with samples of a window, by their first sample, each once."""
     found = {
         block.first_sample: block
         for place in places
@@ -424,7 +424,7 @@ def _covering(places: list[BlockPlace], first: int, last: int) -> list[rig_pb2.S
 
 
 def _gap(blocks: list[rig_pb2.SignalBlock], first: int, last: int) -> tuple[int, int] | None:
-    """Return the first samples of a window that no block has."""
+    """Return the first range of a window that no block holds, or None."""
     reached = first
     for block in blocks:
         if block.first_sample > reached:
@@ -436,24 +436,24 @@ def _gap(blocks: list[rig_pb2.SignalBlock], first: int, last: int) -> tuple[int,
 def target_of(
     step: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep, targets: Sequence[np.ndarray]
 ) -> np.ndarray:
-    """Return the target that a playback was judged against.
+    """Return the target against which a playback was judged.
 
     Parameters
     ----------
     step : IterationStep or ConfirmationStep
-        Of the playback.
+        Step of the playback.
     targets : sequence of ndarray, shape (responses, samples)
-        The recording's targets, one for each control band, in order.
+        Targets of the recording, one for each control band, in order.
 
     Returns
     -------
     ndarray, shape (responses, samples)
-        One of them.
+        Target of the playback.
 
     Raises
     ------
     ArrayError
-        The step names a target that the recording does not hold.
+        If the step names a target that the recording does not hold.
     """
     if step.judged_target >= len(targets):
         raise ArrayError(
@@ -471,22 +471,22 @@ def response_in_band(
     Parameters
     ----------
     step : IterationStep or ConfirmationStep
-        Of the playback.
+        Step of the playback.
     target : ndarray, shape (responses, samples)
-        In the control band.
+        Target in the control band.
 
     Returns
     -------
     ndarray, shape (responses, samples)
-        float64, in the units of the responses.
+        Response as float64, in the units of the responses.
 
     Raises
     ------
     ArrayError
-        The step's array is damaged, or of another shape than the target.
+        If the step's array is damaged, or has another shape than the target.
     """
     if step.HasField("error_in_band"):
         return target - from_array(step.error_in_band, field="error_in_band", shape=target.shape, dtype=np.float32)
     found = from_array(step.response_in_band, field="response_in_band", shape=target.shape, dtype=np.float64)
-    # A copy: as a view it would hold the whole message.
+    # A copy: a view would hold the whole message.
     return found.copy()

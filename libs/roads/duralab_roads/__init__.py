@@ -1,4 +1,4 @@
-"""Roads: synthesis after ISO 8608, potholes, OpenCRG files, and what a tyre passes on to the wheel."""
+"""Roads: synthesis after ISO 8608, potholes, OpenCRG files, and the inputs of a tyre to its wheel."""
 
 from duralab_roads.enveloping import EFFECTIVE_INPUTS, effective_inputs
 from duralab_roads.iso8608 import RoadClass, iso8608_road, roughness_coefficient, track_coherence

@@ -1,11 +1,11 @@
 """Road as a rolling tyre follows it: effective height, slope and camber of the road under each wheel.
 
-The tyre bridges what is shorter than itself. First each of five parallel disks rolls over its line of the road
-(Zegelaar's basic curve: the upper envelope of a circle, which enters a hole gently and rounds a step). The mean over
-the contact length follows, whose derivative is the difference between the envelope at the patch's front and rear edge
-over its length: Schmeitz' tandem slope, with the mean over the patch instead of over two cams. Height and slope thus
-belong together exactly (slope = d height/dx), and a wave much longer than the patch passes with gain 1. Schmeitz'
-ellipses would need shape parameters that are measured per tyre; the circle needs only the radius.
+The tyre bridges features shorter than itself. First, each of five parallel disks rolls over its line of the road
+(Zegelaar's basic curve: the upper envelope of a circle, which enters a hole gently and rounds a step). Then the mean
+over the contact length is computed. Its derivative is the difference between the envelope at the patch's front and rear
+edge over its length: Schmeitz' tandem slope, with the mean over the patch instead of over two cams. Height and slope
+are therefore exactly consistent (slope = d height/dx), and a wave much longer than the patch passes with gain 1.
+Schmeitz' ellipses would need shape parameters that are measured per tyre; the circle needs only the radius.
 
 Sources: P.W.A. Zegelaar, The dynamic response of tyres to brake torque variations and road unevennesses, PhD thesis,
 TU Delft 1998; A.J.C. Schmeitz, A semi-empirical three-dimensional model of the pneumatic tyre rolling over
@@ -26,10 +26,10 @@ EFFECTIVE_INPUTS = ("left_height", "left_slope", "left_camber", "right_height", 
 """Order of the channels of `effective_inputs`."""
 
 FINEST_STEP = 0.005
-"""Largest step of the rolling disk [m]; a circle of 0.3 m sampled so is at most 1e-5 m too low."""
+"""Largest step of the rolling disk [m]; a circle of 0.3 m at this step is at most 1e-5 m too low."""
 
 DISKS = 5
-"""Parallel disks over the contact width."""
+"""Number of parallel disks over the contact width."""
 
 STOPBAND_DECIBEL = 80.0
 PASSBAND_EDGE, STOPBAND_EDGE = 0.8, 1.0
@@ -49,18 +49,17 @@ def effective_inputs(
     lead_in_seconds: float,
     axle_distances: Sequence[float] = (0.0,),
 ) -> NDArray[np.float64]:
-    """Return the road as the tyres of each axle pass it on to their wheels at constant speed.
+    """Return the road inputs of each axle's tyres to their wheels at constant speed.
 
-    The common mean height of all tracks is subtracted and everything fades in from and out to flat ground, so that a
-    rig at rest is not kicked. The slope stays the derivative of the faded height. `level` a measured road before.
-
-    An axle meets the same road later, by its distance over the speed, whether or not that is a whole number of samples.
-    All axles fade at the same time: outside of the fades a following axle gets what the first one got.
+    The common mean height of all tracks is subtracted, and all inputs fade in from and out to flat ground, so that a
+    rig at rest has no jump. The slope stays the derivative of the faded height. `level` a measured road before.
+    An axle meets the same road later, by its distance over the speed, also if that is not a whole number of samples.
+    All axles fade at the same time: outside of the fades a following axle gets the inputs of the first one.
 
     Parameters
     ----------
     road
-        Long enough for the drive; its ends are continued flat where tyre and filter reach beyond them.
+        Road that is long enough for the drive; its ends are continued flat for the reach of tyre and filter.
     speed
         Forward speed [m/s], above 0.
     sample_rate
@@ -72,11 +71,11 @@ def effective_inputs(
     tyre_radius
         Free radius of the tyre [m], above half the contact length.
     contact_length, contact_width
-        Patch [m], above 0.
+        Size of the contact patch [m], above 0.
     lead_in_seconds
         Duration of the fade at either end [s], above 0, at most half of the drive.
     axle_distances
-        How far each axle rolls behind the first one [m], 0 or more; before its start the road continues flat.
+        Distance of each axle behind the first one [m], 0 or more; before its start the road continues flat.
 
     Returns
     -------
@@ -87,7 +86,7 @@ def effective_inputs(
     Raises
     ------
     ValueError
-        A parameter is out of range, the road is too short or too narrow, or a NaN lies in a wheel's way.
+        If a parameter is out of range, the road is too short or too narrow, or a NaN is in a wheel's track.
 
     Source: see the module.
     """
@@ -130,7 +129,7 @@ def effective_inputs(
 
 
 def _check_drive(road: Road, *, positive: Mapping[str, float], samples: int, axle_distances: Sequence[float]) -> None:
-    """Refuse what no tyre can roll over; `positive` are the numbers of `effective_inputs` above 0, by their names."""
+    """Refuse impossible parameters; `positive` are the numbers of `effective_inputs` above 0, by their names."""
     for name, value in positive.items():
         if not (math.isfinite(value) and value > 0):
             raise ValueError(f"{name} is {value}; it must be finite and above 0.")
@@ -203,7 +202,7 @@ def _line(road: Road, position: float, along: NDArray[np.float64]) -> NDArray[np
     rows = min(road.elevation.shape[0], max(math.ceil(along[-1] / road.spacing), 0) + 1)
     nearest = int(np.argmin(np.abs(positions - position)))
     if abs(positions[nearest] - position) <= slack:
-        # On a column only that column counts: a NaN beside it is not in the wheel's way.
+        # On a column only that column counts: a NaN beside it is not in the wheel's track.
         line = road.elevation[:rows, nearest]
     else:
         left = int(np.searchsorted(positions, position))
@@ -218,14 +217,14 @@ def _line(road: Road, position: float, along: NDArray[np.float64]) -> NDArray[np
 
 
 def _rolled_over(line: NDArray[np.float64], *, radius: float, step: float, reach: int) -> NDArray[np.float64]:
-    """Return the lowest height of a rolling disk that nowhere sinks into the line, `reach` points shorter per end."""
+    """Return the lowest height of a rolling disk that nowhere penetrates the line, `reach` points shorter per end."""
     offsets = np.arange(-reach, reach + 1)
     inside = np.abs(offsets * step) < radius
     rise = np.full(offsets.size, np.inf)
     rise[inside] = radius - np.sqrt(radius**2 - (offsets[inside] * step) ** 2)
     count = line.size - 2 * reach
     envelope = line[reach : reach + count].copy()
-    # A point of the rim that is higher above the patch than the whole line varies cannot touch it.
+    # A point of the rim that is higher above the patch than the range of the whole line cannot touch it.
     for index in np.flatnonzero(rise <= np.ptp(line)):
         np.maximum(envelope, line[index : index + count] - rise[index], out=envelope)
     return envelope
@@ -250,7 +249,7 @@ def _patch_filters(
     node = np.arange(-math.ceil(half) - 1, math.ceil(half) + 2, dtype=np.float64)
     mean = (_hat_integral(half - node) - _hat_integral(-half - node)) / (2 * half)
     front = np.maximum(1 - np.abs(half - node), 0)
-    # A convolution mirrors its kernel: the mean is even, the slope must be turned around.
+    # A convolution mirrors its kernel: the mean is even, the slope must be reversed.
     slope = (front - front[::-1])[::-1] / contact_length
     mean_filter, slope_filter = (np.asarray(np.convolve(one, low_pass), dtype=np.float64) for one in (mean, slope))
     return mean_filter, slope_filter
@@ -265,7 +264,7 @@ def _hat_integral(upper: NDArray[np.float64]) -> NDArray[np.float64]:
 def _faded(
     inputs: NDArray[np.float64], *, speed: float, sample_rate: float, lead_in_seconds: float
 ) -> NDArray[np.float64]:
-    """Fade (6 axles, samples) at both ends; velocity and acceleration of the fade are 0 where it begins and ends."""
+    """Fade (6 axles, samples) at both ends; velocity and acceleration of the fade are 0 at its start and end."""
     samples = inputs.shape[1]
     time = np.arange(samples) / sample_rate
     phase = np.minimum(time, time[::-1]) / lead_in_seconds

@@ -15,7 +15,7 @@ REFERENCE_WAVENUMBER = 0.1
 """n0 of ISO 8608 [cycles/m]."""
 
 MAXIMUM_CELLS = 50_000_000
-"""Largest grid that is synthesised (0.4 GB); a longer road is better repeated."""
+"""Largest number of cells of a synthesised grid (0.4 GB); repeat a road for a longer one."""
 
 TRACK_COLUMNS = (-0.95, -0.85, -0.75, -0.65, -0.55, 0.55, 0.65, 0.75, 0.85, 0.95)
 """Default columns [m]: five under each wheel of a 1.5 m track, wide enough for a 0.4 m patch."""
@@ -47,7 +47,7 @@ def roughness_coefficient(road_class: RoadClass | str | float) -> float:
     Raises
     ------
     ValueError
-        The class is unknown, or the number is not finite and above 0.
+        If the class is unknown, or the number is not finite and above 0.
 
     Source: ISO 8608:2016, Table C.2 (geometric means, n0 = 0.1 cycles/m).
     """
@@ -67,20 +67,20 @@ def track_coherence(wavenumber: ArrayLike, distance: ArrayLike) -> NDArray[np.fl
     """Return the coherence between two parallel tracks on an isotropic surface.
 
     With G_d ~ n^-2 along any line, isotropy gives S_lr(n)/S_ll(n) = z K_1(z), z = 2 pi n distance: 1 for long waves,
-    0 for short ones. It is real (no side leads), and any number of tracks is consistent because it belongs to a
-    surface. K_1 is the modified Bessel function.
+    0 for short ones. It is real (no side leads), and consistent for any number of tracks because it is the coherence of
+    a surface. K_1 is the modified Bessel function.
 
     Parameters
     ----------
     wavenumber
-        n [cycles/m], at least 0, any shape that broadcasts with that of `distance`.
+        Wavenumber n [cycles/m], at least 0, any shape that broadcasts with that of `distance`.
     distance
         Lateral distance of the tracks [m], at least 0, any shape.
 
     Returns
     -------
     ndarray
-        Of their common shape: amplitude coherence in [0, 1]; its square is what `scipy.signal.coherence` estimates.
+        Amplitude coherence in [0, 1], of their common shape; its square is the estimate of `scipy.signal.coherence`.
 
     Source: Dodds & Robson, The description of road surface roughness, J. Sound Vib. 31 (1973) 175-183; Kamash &
     Robson, The application of isotropy in road surface modelling, J. Sound Vib. 57 (1978) 89-100.
@@ -108,7 +108,7 @@ def iso8608_road(
     Parameters
     ----------
     road_class
-        See `roughness_coefficient`.
+        Class of the road, see `roughness_coefficient`.
     length_m
         Length [m], at least `longest_wavelength_m`.
     seed
@@ -123,12 +123,12 @@ def iso8608_road(
     Returns
     -------
     Road
-        Zero expected height, no lead-in (see `effective_inputs`).
+        Road with zero expected height, without lead-in (see `effective_inputs`).
 
     Raises
     ------
     ValueError
-        A length is not finite and above 0, the band is empty or does not fit spacing and length, or the road has too
+        If a length is not finite and above 0, the band is empty or does not fit spacing and length, or the road has too
         many cells.
 
     Source: ISO 8608:2016, Annex B; Shinozuka & Jan, Digital simulation of random processes and its applications,
@@ -143,7 +143,7 @@ def iso8608_road(
             f"A road of {rows} rows by {positions.size} columns has more than {MAXIMUM_CELLS} cells; "
             "take a larger spacing_m or lengthen a shorter road with repeat_mirrored."
         )
-    # The period is longer than the road: its end does not run back into its beginning.
+    # The period is longer than the road, so that its end is not periodic with its start.
     period_rows = rows + math.ceil(longest_wavelength_m / spacing_m)
     resolution = 1 / (period_rows * spacing_m)
     lines = np.arange(
@@ -162,7 +162,7 @@ def iso8608_road(
 def _correlate(
     noise: NDArray[np.complex128], wavenumber: NDArray[np.float64], positions: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """Give white noise (lines, n_v) the tracks' coherence, a few lines at a time to bound the matrices' memory."""
+    """Apply the tracks' coherence to white noise (lines, n_v), a few lines at a time to bound the matrices' memory."""
     distance = np.abs(positions[:, None] - positions[None, :])
     tracks = np.empty_like(noise)
     for start in range(0, wavenumber.size, 2048):

@@ -22,16 +22,16 @@ LATERAL_POSITION = re.compile(r"^long section at v\s*=\s*(\S+)$")
 
 
 class RoadFileError(ValueError):
-    """A road file cannot be read; the message names the file, the byte offset and what was expected.
+    """Road file that cannot be read; the message names the file, the byte offset and the expected content.
 
     Parameters
     ----------
     path
-        The file; its name is in the message.
+        Path of the file; its name is in the message.
     offset
-        The byte at which it is wrong, from 0.
+        Byte with the error, from 0.
     sentence
-        The value found, and the value expected.
+        Found value, and expected value.
     """
 
     def __init__(self, path: Path, offset: int, sentence: str) -> None:
@@ -64,7 +64,7 @@ class CrgHeader:
     data_offset: int
 
     def error(self, sentence: str) -> RoadFileError:
-        """Return the error of what begins behind the header."""
+        """Return the error for the data after the header."""
         return RoadFileError(self.path, self.data_offset, sentence)
 
 
@@ -144,28 +144,28 @@ SLOPE, BANKING = "reference line slope", "reference line banking"
 def read_opencrg(path: str | os.PathLike[str], *, maximum_cells: int = 50_000_000) -> Road:
     """Read the elevation grid of an OpenCRG file.
 
-    The curved grid is unrolled: u becomes the distance along the road, regardless of the heading. That stretches a
+    The curved grid is unrolled: u becomes the distance along the road, regardless of the heading. This stretches a
     track at v by curvature times v, which is allowed up to 10 % at the outermost column.
 
     Parameters
     ----------
     path
-        A file in format LRFI, LDFI, KRBI or KDBI.
+        Path of a file in format LRFI, LDFI, KRBI or KDBI.
     maximum_cells
-        Largest number of values in the file that is accepted; memory is about 8 bytes each.
+        Largest accepted number of values in the file; memory is about 8 bytes each.
 
     Returns
     -------
     Road
-        Elevation as in the file, NaN where it has none.
+        Road with elevation as in the file, NaN where the file has none.
 
     Raises
     ------
     RoadFileError
-        The file is damaged, shorter or longer than its header says, too large, too curved, has slope or banking of
+        If the file is damaged, shorter or longer than its header states, too large, too curved, has slope or banking of
         the reference line, modifiers or included files, or columns that do not fit the header.
     OSError
-        The file cannot be opened.
+        If the file cannot be opened.
 
     Source: ASAM OpenCRG 1.2.0, file format.
     """
@@ -192,7 +192,7 @@ def read_opencrg(path: str | os.PathLike[str], *, maximum_cells: int = 50_000_00
 
 
 def _longitudinal(header: CrgHeader) -> tuple[float, int | None]:
-    """Return the spacing [m] and the number of rows, None where the header does not say."""
+    """Return the spacing [m] and the number of rows, None if the header does not state it."""
     spacing = header.parameters.get("reference_line_increment")
     if spacing is None or spacing <= 0:
         raise header.error("expected REFERENCE_LINE_INCREMENT above 0 m in $ROAD_CRG.")
@@ -208,7 +208,7 @@ def _longitudinal(header: CrgHeader) -> tuple[float, int | None]:
 
 
 def _lateral_positions(header: CrgHeader) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
-    """Return the ascending positions [m] of the elevation columns and the columns' places among the channels."""
+    """Return the ascending positions [m] of the elevation columns and the columns' indices among the channels."""
     columns = [index for index, name in enumerate(header.channels) if name.startswith("long section")]
     if not columns:
         raise header.error("expected data channels named 'long section'.")
@@ -247,7 +247,7 @@ def _regular_positions(header: CrgHeader, *, count: int) -> NDArray[np.float64]:
 
 
 def _read_binary(stream: BinaryIO, header: CrgHeader, *, rows: int | None) -> NDArray[np.float64]:
-    """Return (rows, channels); records are filled across rows, the last one padded."""
+    """Return (rows, channels); records continue across rows, the last one is padded."""
     if rows is None:
         raise header.error("expected REFERENCE_LINE_END_U, which a binary file needs.")
     data_format = header.data_format

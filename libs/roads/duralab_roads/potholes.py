@@ -1,4 +1,4 @@
-"""Potholes: rounded holes at seeded places, each in one wheel track."""
+"""Potholes: rounded holes at seeded positions, each in one wheel track."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ def add_potholes(
     depth_m: tuple[float, float] = (0.02, 0.05),
     edge_m: float = 0.15,
 ) -> Road:
-    """Sink potholes into a road, each in the left or the right wheel track.
+    """Add potholes to a road, each in the left or the right wheel track.
 
-    The road after the lead-in is cut into `count` equal stretches with one hole each, so holes never overlap.
+    The road after the lead-in is divided into `count` equal segments with one hole each, so holes never overlap.
 
     Parameters
     ----------
     road
-        The road to damage; it stays unchanged.
+        Road to damage; it is not changed.
     count
         Number of holes, at least 0.
     seed
         Seed of place, side and size, at least 0.
     lead_in_m
-        Distance from the start [m] that stays whole, at least 0.
+        Distance from the start [m] that is not damaged, at least 0.
     track_width_m
         Distance of the wheel tracks [m]; holes are centred at half of it on either side.
     length_m, width_m, depth_m
@@ -46,12 +46,12 @@ def add_potholes(
     Returns
     -------
     Road
-        The same grid with holes.
+        Same grid with holes.
 
     Raises
     ------
     ValueError
-        A size is not allowed, the road is narrower than the tracks, or the holes do not fit into it.
+        If a size is not allowed, the road is narrower than the tracks, or the holes do not fit into it.
     """
     for name, (least, greatest) in {"length_m": length_m, "width_m": width_m, "depth_m": depth_m}.items():
         if not (math.isfinite(greatest) and 0 < least <= greatest):

@@ -1,4 +1,4 @@
-"""A road as a grid of elevations, and how to level and to lengthen it."""
+"""Road as a grid of elevations, and functions to level and to lengthen it."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class Road:
     Raises
     ------
     ValueError
-        A shape, the order of the positions or a value is not as above.
+        If a shape, the order of the positions or a value is not as above.
     """
 
     spacing: float
@@ -67,23 +67,23 @@ class Road:
 def level(road: Road) -> Road:
     """Subtract the least-squares plane, so that a measured road has no absolute height, grade or bank.
 
-    A rig has no room for a hill: the plane belongs to the site, what is left of it to the surface. Do this before
-    `repeat_mirrored`, which would turn a grade into a zigzag.
+    A rig has no room for a hill: the plane is the site, the rest is the surface. Call this before `repeat_mirrored`,
+    which would turn a grade into a zigzag.
 
     Parameters
     ----------
     road
-        Any road with at least one measured point; NaN cells are left out of the fit and stay NaN.
+        Road with at least one measured point; NaN cells are left out of the fit and stay NaN.
 
     Returns
     -------
     Road
-        The same grid around zero height.
+        Same grid around zero height.
 
     Raises
     ------
     ValueError
-        The road has no measured point.
+        If the road has no measured point.
     """
     rows, columns = np.nonzero(np.isfinite(road.elevation))
     if rows.size == 0:
@@ -96,26 +96,26 @@ def level(road: Road) -> Road:
 
 
 def repeat_mirrored(road: Road, length_m: float) -> Road:
-    """Lengthen a road by driving it to and fro: every other copy is mirrored, so no seam has a step.
+    """Lengthen a road by mirrored copies: every other copy is mirrored, so that no seam has a step.
 
     The slope changes its sign at a seam, as it does at any peak of the road. `level` a measured road first.
 
     Parameters
     ----------
     road
-        The piece to repeat.
+        Road to repeat.
     length_m
-        Wanted length [m], above 0; shorter than the road cuts it.
+        Length of the result [m], above 0; shorter than the road cuts it.
 
     Returns
     -------
     Road
-        The first whole number of rows that reaches `length_m`.
+        Road with the smallest whole number of rows that reaches `length_m`.
 
     Raises
     ------
     ValueError
-        The length is not finite and above 0.
+        If the length is not finite and above 0.
     """
     if not (math.isfinite(length_m) and length_m > 0):
         raise ValueError(f"length_m is {length_m}; give a finite length above 0 m.")

@@ -1,7 +1,7 @@
-"""Schedules of endurance tests: which event is played how often and in which order.
+"""Schedules of endurance tests: repeats and order of their events.
 
-`read_schedule` reads and checks a file, `Schedule.sequence` has the order of all repeats, `design` chooses repeats from
-damage, `forecast` says what a schedule comes to. A pure core: no bus, no messages.
+`read_schedule` reads and checks a file, `Schedule.sequence` returns the order of all repeats, `design` chooses repeats
+from damage, `forecast` predicts duration, damage and bytes. A pure core: no bus, no messages.
 """
 
 from duralab_schedules.forecasting import (

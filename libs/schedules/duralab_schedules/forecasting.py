@@ -1,4 +1,4 @@
-"""Forecast of a schedule: duration, damage, repeats that are kept, bytes on disk."""
+"""Forecast of a schedule: duration, damage, kept repeats, bytes on disk."""
 
 from __future__ import annotations
 
@@ -10,32 +10,33 @@ from duralab_monitoring import MonitoringSettings, Statistic
 from duralab_schedules.schedule import KeepRule, Schedule, ScheduleError
 
 BYTES_PER_SAMPLE: Final = 8
-"""float64; what compression saves is not counted on."""
+"""Size of a float64 sample; compression is not assumed."""
 
 REPEAT_BYTES: Final = 1100
-"""Of one repeat, beside the numbers of its responses: two steps with names, hashes, index; measured are 980."""
+"""Size in bytes of one repeat, beside the numbers of its responses: two steps with names, hashes, index; measured
+are 980."""
 
 BASELINE_BYTES: Final = 16
-"""Of each line of a baseline and each response: complex."""
+"""Size in bytes of each line of a baseline and each response: complex."""
 
 _POSES_SHARE: Final = 0.1
-# Of the samples of a repeat, where the rig tells how its bodies move.
+# Share of the samples of a repeat, for the poses of a rig with bodies.
 
 
 @dataclass(frozen=True)
 class EventLoad:
-    """One repeat of an event.
+    """Samples, channels and damage of one repeat of an event.
 
     Parameters
     ----------
     samples : int
-        Of its drive.
+        Number of samples of its drive.
     sample_rate : float
-        Hz.
+        Sample rate in Hz.
     drives, responses : int
-        Channels that are recorded.
+        Numbers of recorded channels.
     damage : mapping of str to float, optional
-        Damage by response; None where nothing shows it.
+        Damage by response; None if unknown.
     """
 
     samples: int
@@ -46,17 +47,17 @@ class EventLoad:
 
     @property
     def seconds(self) -> float:
-        """Duration without the ways to its first sample and back from the last."""
+        """Duration without the leads to its first sample and back from the last."""
         return self.samples / self.sample_rate
 
     @property
     def drive_bytes(self) -> int:
-        """Bytes of its drive."""
+        """Size of its drive in bytes."""
         return self.samples * self.drives * BYTES_PER_SAMPLE
 
     @property
     def sample_bytes(self) -> int:
-        """Bytes of one repeat with all samples."""
+        """Size in bytes of one repeat with all samples."""
         return round(self.samples * (self.drives + self.responses) * BYTES_PER_SAMPLE * (1.0 + _POSES_SHARE))
 
 
@@ -67,17 +68,17 @@ class Forecast:
     Parameters
     ----------
     repeats, kept : dict of str to int
-        By event: repeats, and those whose samples are kept by the rule, alarms aside.
+        Repeats by event, and those whose samples are kept by the rule, without those around alarms.
     seconds : float
-        Duration of all repeats, without the ways in and out.
+        Duration of all repeats, without the leads.
     damage : dict of str to float
-        Damage of all repeats by response; of the events whose damage is known.
+        Damage of all repeats by response, over the events with known damage.
     unknown_damage : tuple of str
-        Events whose damage is not known.
+        Events with unknown damage.
     ratio : dict of str to float
         Damage over planned damage by planned channel; empty without a plan.
     sample_bytes, statistics_bytes : int
-        On disk, before compression: drives and kept samples; statistics of every repeat and the baselines.
+        Sizes on disk, before compression: drives and kept samples; statistics of every repeat and the baselines.
     """
 
     repeats: dict[str, int]
@@ -91,19 +92,19 @@ class Forecast:
 
     @property
     def bytes(self) -> int:
-        """Bytes on disk: kept samples and statistics."""
+        """Size on disk in bytes: kept samples and statistics."""
         return self.sample_bytes + self.statistics_bytes
 
 
 def forecast(
     schedule: Schedule, loads: Mapping[str, EventLoad], *, planned: Mapping[str, float] | None = None
 ) -> Forecast:
-    """Return what a schedule comes to.
+    """Return the forecast of a schedule.
 
     Parameters
     ----------
     schedule : Schedule
-        With the repeats of every event.
+        Schedule with the repeats of every event.
     loads : mapping of str to EventLoad
         One repeat of each event.
     planned : mapping of str to float, optional
@@ -117,7 +118,7 @@ def forecast(
     Raises
     ------
     ScheduleError
-        The repeats of an event are missing.
+        If the repeats of an event are missing.
     """
     repeats = schedule.repeats
     kept = {name: kept_repeats(schedule.keep, count) for name, count in repeats.items()}
@@ -140,9 +141,9 @@ def forecast(
 
 
 def _statistics_bytes(settings: MonitoringSettings, load: EventLoad, repeats: int) -> int:
-    """Return the bytes of the statistics of an event's repeats, and of its baseline while that is learnt."""
+    """Return the bytes of the statistics of an event's repeats, and of its baseline while it is learnt."""
     bands = len(settings.bands) - 1
-    # Damage; statistics and residual; what the monitor compared.
+    # Damage; statistics and residual; values that the monitor compared.
     numbers = 1 + len(Statistic) + 1 + bands + 1 + 3 * bands
     lines = settings.bands[-1] * load.seconds
     learning = min(repeats, -(-settings.baseline_repeats // 2))
@@ -151,10 +152,10 @@ def _statistics_bytes(settings: MonitoringSettings, load: EventLoad, repeats: in
 
 
 def kept_repeats(rule: KeepRule, repeats: int) -> int:
-    """Return how many repeats of an event are kept with their samples, alarms aside."""
+    """Return the number of repeats of an event that are kept with their samples, without those around alarms."""
     if rule.every is None:
         return min(rule.first, repeats)
-    # Of 0, every, 2 every, …: those that do not stand among the first.
+    # Of 0, every, 2 every, …: those that are not among the first.
     periodic = (repeats + rule.every - 1) // rule.every - (min(rule.first, repeats) + rule.every - 1) // rule.every
     return min(rule.first, repeats) + periodic
 
@@ -165,15 +166,15 @@ def require_within_plan(expected: Forecast, schedule: Schedule) -> None:
     Parameters
     ----------
     expected : Forecast
-        Of this schedule.
+        Forecast of this schedule.
     schedule : Schedule
-        With a plan, or without one, which allows every damage.
+        Schedule with a plan, or without one, which allows every damage.
 
     Raises
     ------
     ScheduleError
-        The damage of a channel is above the largest ratio of the plan, with the worst channel; or that of an event is
-        not known.
+        If the damage of a channel is above the largest ratio of the plan, with the worst channel, or the damage of an
+        event is unknown.
     """
     if schedule.plan is None:
         return
@@ -191,19 +192,19 @@ def require_within_plan(expected: Forecast, schedule: Schedule) -> None:
 
 
 def require_room(expected: Forecast, free_bytes: int) -> None:
-    """Refuse a schedule whose recording is longer than the disk holds.
+    """Refuse a schedule whose recording is larger than the free space on the disk.
 
     Parameters
     ----------
     expected : Forecast
-        Of the schedule.
+        Forecast of the schedule.
     free_bytes : int
-        Free on the disk of the recordings.
+        Free space on the disk of the recordings.
 
     Raises
     ------
     ScheduleError
-        The forecast is above what is free.
+        If the forecast is above the free space.
     """
     if expected.bytes > free_bytes:
         raise ScheduleError(
@@ -218,12 +219,12 @@ def in_bytes(count: float) -> str:
     Parameters
     ----------
     count : float
-        0 or more.
+        Number of bytes, 0 or more.
 
     Returns
     -------
     str
-        For example "1.25 GB"; powers of 1000.
+        Text, for example "1.25 GB"; powers of 1000.
     """
     for unit in ("bytes", "kB", "MB"):
         if count < 1000:

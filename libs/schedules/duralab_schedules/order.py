@@ -1,4 +1,4 @@
-"""The orders in which the repeats of events follow one another."""
+"""Orders of the repeats of events."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def in_order(repeats: Sequence[int]) -> NDArray[np.int64]:
 
 
 def interleaved(repeats: Sequence[int]) -> NDArray[np.int64]:
-    """Return the event of each repeat: repeat k of n of an event stands at the share (k + 1/2) / n of the schedule."""
+    """Return the event of each repeat: repeat k of n of an event is at the share (k + 1/2) / n of the schedule."""
     shares = np.concatenate([(2.0 * np.arange(count) + 1.0) / (2.0 * count) for count in repeats if count])
-    # Stable: where shares are equal, the events stand in their order.
+    # Stable: if shares are equal, the events are in their order.
     return in_order(repeats)[np.argsort(shares, kind="stable")]
 
 
@@ -40,7 +40,7 @@ def shuffled(repeats: Sequence[int], seed: int) -> NDArray[np.int64]:
 
 
 def nested(blocks: Sequence[tuple[int, Sequence[tuple[int, int]]]]) -> NDArray[np.int64]:
-    """Return the event of each repeat from blocks: how often a block is played, and its events with their repeats."""
+    """Return the event of each repeat from blocks: repeats of the block, and its events with their repeats."""
     return np.concatenate(
         [np.tile(np.repeat(*np.transpose(np.array(events))), times) for times, events in blocks]
     ).astype(np.int64)

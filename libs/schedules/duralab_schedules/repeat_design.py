@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from duralab_schedules.schedule import MOST_REPEATS, ScheduleError
 
-# Of the misfit, of which a step must gain this share: below it, two numbers differ by rounding alone.
+# Least gain of a step as a share of the misfit: below it, two numbers differ by rounding only.
 _LEAST_GAIN: Final = 1e-12
 
 
@@ -28,7 +28,7 @@ class Design:
     residual : ndarray, shape (channels,)
         Damage over planned damage, less 1: 0 is met, negative is less than planned.
     fractional : ndarray, shape (events,)
-        Least-squares solution before it became whole.
+        Least-squares solution before rounding.
     """
 
     repeats: NDArray[np.int64]
@@ -54,23 +54,23 @@ def design(
     planned : array_like, shape (channels,)
         Damage to reach, above 0.
     at_least, at_most : array_like of int, shape (events,), optional
-        Bounds of the repeats; from 0 to `MOST_REPEATS` where left out.
+        Bounds of the repeats; from 0 to `MOST_REPEATS` if omitted.
 
     Returns
     -------
     Design
-        The repeats with the residual of each channel.
+        Repeats with the residual of each channel.
 
     Raises
     ------
     ScheduleError
-        A value is not allowed, or no event damages a channel.
+        If a value is not allowed, or no event damages a channel.
 
     Notes
     -----
     The sum over the channels of (damage / planned − 1)² is smallest among all real numbers within the bounds (bounded
     non-negative least squares: Lawson and Hanson, "Solving Least Squares Problems", 1974; bounds: Stark and Parker,
-    1995). The numbers are rounded, then improved by steps of 1 of one event or of two at once until no such step gains.
+    1995). The numbers are rounded, then improved by steps of 1 of one event or of two at once until no step gains.
     """
     each, plan = np.asarray(damage, dtype=np.float64), np.asarray(planned, dtype=np.float64)
     if each.ndim != 2 or plan.shape != each.shape[1:] or each.size == 0:
@@ -99,12 +99,12 @@ def _bounded_least_squares(
 ) -> NDArray[np.float64]:
     """Return x in its bounds with the smallest sum of (shares x − 1)²; shares of shape (channels, events)."""
     found = low.astype(np.float64)
-    # The solver takes no bounds that are equal; an event without damage stays at its lower bound.
+    # The solver does not accept equal bounds; an event without damage stays at its lower bound.
     free = np.flatnonzero((low < high) & shares.any(axis=0))
     if free.size:
         # Columns of norm 1: repeats of events differ by decades.
         norms = np.linalg.norm(shares[:, free], axis=0)
-        # It takes half a second to import, and a service that designs no schedule shall start at once.
+        # The import takes half a second, and a service that designs no schedule must start at once.
         from scipy.optimize import lsq_linear
 
         solved = lsq_linear(
@@ -123,7 +123,7 @@ def _bounded_least_squares(
 def _whole(
     shares: NDArray[np.float64], fractional: NDArray[np.float64], low: NDArray[np.int64], high: NDArray[np.int64]
 ) -> NDArray[np.int64]:
-    """Round, then take the step of 1 of one or two events that gains most, until none gains."""
+    """Round, then choose the step of 1 of one or two events that gains most, until no step gains."""
     unit = np.eye(len(fractional), dtype=np.int64)
     steps = np.array(
         [*unit, *-unit]

@@ -1,4 +1,4 @@
-"""The schedule file: events with drives and repeats, the order, the damage plan, and the samples that are kept."""
+"""Schedule file: events with drives and repeats, the order, the damage plan, and the samples that are kept."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ from duralab_schedules.order import Order, in_order, interleaved, nested, shuffl
 from duralab_settings import Positive, Section, Seed, YamlError, explain_validation, parse_yaml, read_yaml_text
 
 MOST_REPEATS: Final = 10_000_000
-"""Repeats of one schedule, all events together: their order is held in memory."""
+"""Largest number of repeats of one schedule, all events together: their order is held in memory."""
 
 EventName = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]{0,59}$")]
 Repeats = Annotated[int, Field(ge=0, le=MOST_REPEATS)]
 
 
 class ScheduleError(ValueError):
-    """A schedule that cannot be read, designed or played.
+    """Schedule that cannot be read, designed or played.
 
     Parameters
     ----------
     sentence : str
-        What is wrong with which value, what is allowed and what to do.
+        One sentence: the wrong value, the allowed values and the remedy.
     path : Path, optional
-        The schedule file.
+        Path of the schedule file.
     """
 
     def __init__(self, sentence: str, *, path: Path | None = None) -> None:
@@ -39,7 +39,7 @@ class ScheduleError(ValueError):
 
 
 class Event(Section):
-    """One target of a schedule with its drive."""
+    """Target of a schedule with its drive."""
 
     drive: str = Field(
         min_length=1, description="Drive: a file or a recording, relative to the schedule, or the id of a recording."
@@ -86,7 +86,7 @@ class CustomerEvent(Section):
 
 
 class DamagePlan(Section):
-    """Damage that the endurance test is to reach in each channel: given, or that of a customer's mix of events."""
+    """Damage that the endurance test must reach in each channel: given, or that of a customer's mix of events."""
 
     damage: dict[str, Positive] | None = Field(
         default=None,
@@ -162,7 +162,7 @@ class Actions(Section):
 
 
 class Schedule(Section):
-    """The content of a schedule file."""
+    """Content of a schedule file."""
 
     name: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,59}$",
@@ -191,12 +191,12 @@ class Schedule(Section):
 
     @property
     def repeats(self) -> dict[str, int]:
-        """Repeats of each event, in the order of the events.
+        """Number of repeats of each event, in the order of the events.
 
         Raises
         ------
         ScheduleError
-            The repeats of an event are not designed yet.
+            If the repeats of an event are not designed yet.
         """
         if self.order is Order.NESTED:
             return {name: sum(block.times * block.events.get(name, 0) for block in self.blocks) for name in self.events}
@@ -222,7 +222,7 @@ class Schedule(Section):
         Raises
         ------
         ScheduleError
-            The repeats of an event are not designed yet.
+            If the repeats of an event are not designed yet.
         """
         repeats = tuple(self.repeats.values())
         match self.order:
@@ -251,7 +251,7 @@ class Schedule(Section):
         Returns
         -------
         Schedule
-            Checked; its relative paths start in the same folder.
+            Checked schedule; its relative paths start in the same folder.
         """
         events = {name: event.model_copy(update={"repeats": repeats[name]}) for name, event in self.events.items()}
         changed = Schedule(**{**{name: getattr(self, name) for name in type(self).model_fields}, "events": events})
@@ -268,10 +268,10 @@ class Schedule(Section):
         Returns
         -------
         Schedule
-            A copy.
+            Copy of the schedule.
         """
         copy = self.model_copy()
-        copy._folder = folder  # noqa: SLF001  (its own private attribute, on its own copy)
+        copy._folder = folder  # noqa: SLF001  (private attribute of the same class, on a new copy)
         return copy
 
     @model_validator(mode="after")
@@ -310,17 +310,17 @@ def read_schedule(path: Path) -> Schedule:
     Parameters
     ----------
     path : Path
-        The YAML.
+        Path of the YAML file.
 
     Returns
     -------
     Schedule
-        Checked; its relative paths start in the folder of the file.
+        Checked schedule; its relative paths start in the folder of the file.
 
     Raises
     ------
     ScheduleError
-        The file cannot be read, or a value is not allowed; one sentence.
+        If the file cannot be read, or a value is not allowed; one sentence.
     """
     try:
         content = parse_yaml(read_yaml_text(path))

@@ -1,9 +1,9 @@
 """Settings of an identification and an iteration: one frozen model each, for YAML, messages and code.
 
 A section as a user writes it (`ExcitationSettings`, `UpdateSection`) names channels; `resolved` gives it one value for
-each channel of a rig, which is what a message holds. The other sections are the same in both. The converter to messages
-has its own face, `duralab_settings.messages`, so that a core that takes settings knows no message. Strict YAML is here,
-too, for rigs, campaigns, sweeps and configurations.
+each channel of a rig, as in a message. The other sections are the same in both. The converter to messages has a
+separate face, `duralab_settings.messages`, so that a core with settings does not depend on messages. Strict YAML is
+also here, for rigs, campaigns, sweeps and configurations.
 """
 
 from duralab_settings.estimator import BlockSettings, EstimatorKind, EstimatorSettings

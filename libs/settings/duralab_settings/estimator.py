@@ -21,7 +21,7 @@ class EstimatorKind(StrEnum):
     LOCAL_POLYNOMIAL = "local_polynomial"
     """FRF and transient as polynomials over neighbouring lines: no leakage."""
     LOCAL_RATIONAL = "local_rational"
-    """The same with a common denominator, for sharp resonances."""
+    """The same as local_polynomial with a common denominator, for sharp resonances."""
 
     @property
     def is_local(self) -> bool:
@@ -30,7 +30,7 @@ class EstimatorKind(StrEnum):
 
 
 class BlockSettings(Section):
-    """The blocks that a record is cut into; an excitation is made for them."""
+    """Division of a record into blocks; an excitation is designed for them."""
 
     block_samples: int = Field(ge=256, le=2**20, multiple_of=2, description="Samples in a block, even.")
     overlap: float = Field(

@@ -1,4 +1,4 @@
-"""The experiment that identifies a rig: as a user writes it, and with a value for each drive of one rig."""
+"""Experiment that identifies a rig: as a user writes it, and with a value for each drive of one rig."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class ExcitationKind(StrEnum):
     ORTHOGONAL_DFT = "orthogonal_dft"
     """One multisine for all drives, with the phases of a DFT matrix."""
     RANDOM_ORTHOGONAL = "random_orthogonal"
-    """The same with random phases of every drive and of every experiment."""
+    """As orthogonal_dft, with random phases of every drive and of every experiment."""
 
     @property
     def is_multisine(self) -> bool:
@@ -92,7 +92,7 @@ class WhitePinkSpectrum(Section):
 
 
 class TabulatedSpectrum(Section):
-    """PSD given at frequencies, straight between them on logarithmic axes; zero outside the table."""
+    """PSD at given frequencies, straight between them on logarithmic axes; zero outside the table."""
 
     frequency: Annotated[tuple[Positive, ...], AS_TUPLE] = Field(
         min_length=2,
@@ -136,7 +136,7 @@ PowerSpectrum = WhitePinkSpectrum | TabulatedSpectrum
 
 
 class Spectrum(Section):
-    """Shape of the PSD of one drive: one of the two."""
+    """Shape of the PSD of one drive: white_pink or table."""
 
     white_pink: WhitePinkSpectrum | None = Field(default=None, description="Flat, then falling.")
     table: TabulatedSpectrum | None = Field(default=None, description="Points on logarithmic axes.")
@@ -156,7 +156,7 @@ class Spectrum(Section):
 
     @property
     def shape(self) -> PowerSpectrum:
-        """The one that is given."""
+        """Given shape."""
         if self.table is not None:
             return self.table
         if self.white_pink is not None:
@@ -180,7 +180,7 @@ class ExcitationMethod(Section):
     delay_blocks: Annotated[Count, Wire(zero=1)] = Field(
         default=1, description="Multisines: delay blocks before each capture, in which the transient decays."
     )
-    # Two in a file that does not say; a message that does not say means one.
+    # 2 is the default of a file; a message without the field means 1.
     capture_blocks: Annotated[Count, Wire(zero=1)] = Field(
         default=2,
         description="Multisines: blocks of each capture; with 2 or more, noise and distortion are distinguished.",
@@ -233,7 +233,7 @@ class ExcitationMethod(Section):
 
 
 class ResolvedExcitation(ExcitationMethod):
-    """An excitation with one value for each drive of a rig, in its order: the message `duralab.v1.Excitation`."""
+    """Excitation with one value for each drive of a rig, in its order: the message `duralab.v1.Excitation`."""
 
     spectrum: WhitePinkSpectrum | None = Field(
         default=None, description="PSD of every drive; left out where drive_spectra is given."
@@ -295,7 +295,7 @@ class ResolvedExcitation(ExcitationMethod):
 
 
 class DriveSpectrum(Section):
-    """The shape of one drive's spectrum, where it differs from that of the others."""
+    """Shape of one drive's spectrum, if it differs from that of the others."""
 
     corner_frequency: Positive | None = Field(default=None, description="End of the flat part, in hertz.")
     decibels_per_octave: NotNegative = Field(default=0.0, description="Fall of the spectrum above the corner.")
@@ -313,7 +313,7 @@ class DriveSpectrum(Section):
 
 
 class ExcitationSettings(ExcitationMethod):
-    """The experiment that identifies the rig."""
+    """Experiment that identifies the rig."""
 
     lowest_frequency: Positive = Field(description="Lower edge of the excited band, in hertz.")
     highest_frequency: Positive = Field(description="Upper edge of the excited band, in hertz.")
@@ -356,19 +356,19 @@ class ExcitationSettings(ExcitationMethod):
         Parameters
         ----------
         drives : sequence of str
-            The names of the rig's drives, in its order.
+            Names of the rig's drives, in its order.
         seed : int
             Seed of its random parts, 0 to 2^64 - 1.
 
         Returns
         -------
         ResolvedExcitation
-            As it is sent to the identifier.
+            Excitation as sent to the identifier.
 
         Raises
         ------
         SettingsError
-            A level or a spectrum is that of an unknown drive, or a level is missing.
+            If a level or a spectrum is that of an unknown drive, or a level is missing.
         """
         self.require_drives(drives)
         name, given = self.levels
@@ -385,17 +385,17 @@ class ExcitationSettings(ExcitationMethod):
             raise explained(error, ResolvedExcitation, prefix="excitation") from error
 
     def require_drives(self, drives: Sequence[str]) -> None:
-        """Check the names of the drives that have their own spectrum.
+        """Check the names of the drives with a separate spectrum.
 
         Parameters
         ----------
         drives : sequence of str
-            The names of the rig's drives.
+            Names of the rig's drives.
 
         Raises
         ------
         SettingsError
-            The rig has no drive of such a name.
+            If the rig has no drive of such a name.
         """
         unknown = [drive for drive in self.drive_spectra or {} if drive not in drives]
         if unknown:

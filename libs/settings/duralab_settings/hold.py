@@ -1,4 +1,4 @@
-"""Before which playbacks a campaign waits for a person, and what that person decides."""
+"""Hold points of a campaign, and the decisions at them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _LONGEST_REASON: Final = 1000
 
 
 class HoldPoint(StrEnum):
-    """Before which playbacks a campaign waits for a decision."""
+    """Playbacks before which a campaign waits for a decision."""
 
     NEVER = "never"
     """No hold points."""
@@ -24,7 +24,7 @@ class HoldPoint(StrEnum):
     EACH = "each"
     """A hold point before each playback of the target."""
     PREDICTED = "predicted"
-    """A hold point before each playback whose prediction passes a bound."""
+    """A hold point before each playback whose prediction exceeds a bound."""
 
 
 _HeldAbove = Annotated[float, Field(gt=0, le=1e6)]
@@ -74,11 +74,11 @@ class DecisionKind(StrEnum):
     PLAY = "play"
     """The drive of the proposal is played."""
     CHANGE = "change"
-    """The drive is made again with other settings, from this playback on."""
+    """The drive is computed again with other settings, from this playback on."""
     BACK = "back"
-    """The drive is made again from an earlier playback."""
+    """The drive is computed again from an earlier playback."""
     END = "end"
-    """The campaign ends; nothing more is played."""
+    """The campaign ends without further playbacks."""
 
 
 def _said(text: str) -> str:
@@ -88,7 +88,7 @@ def _said(text: str) -> str:
 
 
 class Decision(Section):
-    """Decision on a proposal: the message `duralab.v1.Decision`, as far as a person gives it."""
+    """Decision on a proposal, as given by a person: the message `duralab.v1.Decision`."""
 
     proposal: int = Field(ge=1, lt=2**32, description="Number of the proposal.")
     kind: DecisionKind = Field(strict=False, description="Decision.")

@@ -27,7 +27,7 @@ from duralab_settings.values import (
 )
 
 Bound = Annotated[float, Field(gt=1.0)]
-"""Multiple of the target's figure that no playback may pass."""
+"""Limit of a playback as a multiple of the target's value."""
 
 
 class UpdateKind(StrEnum):
@@ -60,16 +60,16 @@ class CorrectionShape(StrEnum):
 
 
 class LimitPolicy(StrEnum):
-    """Treatment of a next drive that would pass a limit of the rig."""
+    """Treatment of a next drive that would exceed a limit of the rig."""
 
     REFUSE = "refuse"
-    """The campaign ends with a fault that states the gain that would fit."""
+    """The campaign ends with a fault that states a gain that fits."""
     PROJECT = "project"
-    """A near drive that the rig can play is played, and each change is reported."""
+    """A similar drive within the rig's limits is played, and each change is reported."""
 
 
 class DamageExponent(IntEnum):
-    """Slopes of the S-N lines that damage is judged at."""
+    """Slopes of the S-N lines at which damage is judged."""
 
     THREE = 3
     FIVE = 5
@@ -99,7 +99,7 @@ class SecantSettings(Section):
 
 
 class DriveMapSettings(Section):
-    """Whether updates work on mapped drives, which follow the arcs of the rig."""
+    """Settings of mapped drives, which follow the arcs of the rig."""
 
     learn: bool = Field(
         default=True,
@@ -109,7 +109,7 @@ class DriveMapSettings(Section):
 
 
 def _as_json(given: Any) -> Any:
-    """Return the settings of a plug-in as one JSON text with sorted keys; everything else as it is."""
+    """Return the settings of a plug-in as one JSON text with sorted keys."""
     try:
         content = json.loads(given) if isinstance(given, str) and given else given or {}
         text = json.dumps(content, sort_keys=True, allow_nan=False, separators=(", ", ": "))
@@ -123,7 +123,7 @@ def _as_json(given: Any) -> Any:
 
 
 class UpdatePlugin(Section):
-    """An update that a plug-in of the iterator makes, in place of `kind`."""
+    """Update of a plug-in of the iterator, instead of `kind`."""
 
     name: str = Field(
         min_length=1,
@@ -176,7 +176,7 @@ class UpdateMethod(Section):
 
 
 class ResolvedUpdate(UpdateMethod):
-    """An update with one value for each response of a rig, in its order: the message `duralab.v1.UpdateSettings`."""
+    """Update with one value for each response of a rig, in its order: the message `duralab.v1.UpdateSettings`."""
 
     iteration_gain: Gains = Field(
         min_length=1, description="Share of the error of each response that a playback corrects, above 0 to 1."
@@ -300,7 +300,7 @@ class UpdateSection(UpdateMethod):
 
     @property
     def accepts_segments(self) -> bool:
-        """Whether each drive starts from the best so far, stretch by stretch."""
+        """Whether each drive starts from the best one so far, segment by segment."""
         if self.accept_segments is None:
             return self.kind is UpdateKind.SECANT and self.plugin is None
         return self.accept_segments
@@ -311,19 +311,19 @@ class UpdateSection(UpdateMethod):
         Parameters
         ----------
         responses : sequence of str
-            The names of the rig's responses, in its order.
+            Names of the rig's responses, in its order.
         drives : int
-            How many drives the rig has.
+            Number of drives of the rig.
 
         Returns
         -------
         ResolvedUpdate
-            As it is sent to the iterator.
+            Update as sent to the iterator.
 
         Raises
         ------
         SettingsError
-            A channel is unknown, a response has no gain, or fewer responses are controlled than there are drives.
+            If a channel is unknown, a response has no gain, or fewer responses are controlled than there are drives.
         """
         curve: dict[str, object] = {}
         if self.gain_curve:
@@ -343,7 +343,7 @@ class UpdateSection(UpdateMethod):
         )
 
     def _gains(self, responses: Sequence[str]) -> tuple[float, ...]:
-        """Return the gain of each response, from its group where that has one."""
+        """Return the gain of each response, from its group if that has one."""
         in_groups = [name for group in self.groups.values() for name in group.channels]
         _require_responses(in_groups, responses=responses, key="update.groups")
         gains = {
@@ -357,7 +357,7 @@ class UpdateSection(UpdateMethod):
         return tuple(gains[name] for name in responses)
 
     def _weights(self, responses: Sequence[str], *, drives: int) -> tuple[float, ...] | None:
-        """Return how much each response counts, 0 where it is watched; None where all count alike."""
+        """Return the weight of each response, 0 for a monitored one; None if all have the same weight."""
         _require_responses(self.watch, responses=responses, key="update.watch")
         _require_responses(list(self.weights), responses=responses, key="update.weights")
         given = {name: group.weight for group in self.groups.values() for name in group.channels if group.weight}
@@ -477,12 +477,12 @@ class PlaybackSettings(Section):
         Parameters
         ----------
         stop : StopCriteria
-            Holds how many playbacks there are.
+            Criteria with the number of playbacks.
 
         Raises
         ------
         MisfitError
-            None follows.
+            If none follows.
         """
         partial = sum(level < 1.0 for level in self.levels)
         if partial >= stop.iterations:
@@ -494,7 +494,7 @@ class PlaybackSettings(Section):
 
 
 class ControlBandSettings(Section):
-    """Band in which the target is reproduced and judged; it is whole between the two edges."""
+    """Band in which the target is reproduced and judged; its gain is 1 between the two edges."""
 
     lowest_frequency: NotNegative = Field(
         description="Lower edge in hertz; the target holds one period of it at least. 0: means and slow parts are "
@@ -525,7 +525,7 @@ class ControlBandSettings(Section):
 
 
 class Acceptance(Section):
-    """Limits by which report, exit code, comparison and sweep judge the best playback; one that is null is not judged.
+    """Limits by which report, exit code, comparison and sweep judge the best playback; a null limit is not judged.
 
     The message `duralab.v1.Acceptance`.
     """

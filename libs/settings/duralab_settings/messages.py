@@ -1,7 +1,7 @@
-"""From a message to the model of its settings and back, by the names of the fields.
+"""Conversion of a message to the model of its settings and back, by the names of the fields.
 
 A field of the model is the field of the message with the same name. Enums are matched by name, a range `x` is the two
-fields `smallest_x` and `largest_x`, and None is a field that is left out, or the value that `Wire` states.
+fields `smallest_x` and `largest_x`, and None is an omitted field, or the value that `Wire` states.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from duralab_settings.values import SettingsError, Wire
 from duralab_settings.wording import explained
 
 LARGEST_ARRAY: Final = 100_000
-"""Elements of an array of settings; none that a rig needs comes near it."""
+"""Largest number of elements of an array of settings; far above the needs of any rig."""
 
 __all__ = ["LARGEST_ARRAY", "fill_message", "from_message", "message_fields"]
 
@@ -31,26 +31,26 @@ S = TypeVar("S", bound=BaseModel)
 
 
 def from_message(message: Message, model: type[S], *, field: str = "") -> S:
-    """Return the settings that a message holds, checked.
+    """Return the settings in a message, checked.
 
     Parameters
     ----------
     message : Message
-        As received; nothing in it is trusted. It may have fields that the model does not have.
+        Message as received; nothing in it is trusted. It may have fields that the model does not have.
     model : type
-        The model of the settings.
+        Model of the settings.
     field : str
         Path of the message, for errors, e.g. "excitation"; empty for a whole request.
 
     Returns
     -------
     BaseModel
-        An instance of `model`.
+        Instance of `model`.
 
     Raises
     ------
     SettingsError
-        A value is not allowed; with the path of its field.
+        If a value is not allowed; with the path of its field.
     """
     values = dict(_values(message, model, path=f"{field}." if field else ""))
     try:
@@ -60,16 +60,16 @@ def from_message(message: Message, model: type[S], *, field: str = "") -> S:
 
 
 def fill_message(message: Message, settings: BaseModel, *, model: type[BaseModel] | None = None) -> None:
-    """Write settings into a message; fields that the model does not have stay as they are.
+    """Write settings into a message; fields that the model does not have are not changed.
 
     Parameters
     ----------
     message : Message
-        Has all fields of the settings.
+        Message with all fields of the settings.
     settings : BaseModel
-        As `from_message` returns them.
+        Settings from `from_message`.
     model : type, optional
-        A base of the settings' model whose fields alone are written.
+        Base of the settings' model; only its fields are written.
     """
     for name, info in (model or type(settings)).model_fields.items():
         value, wire = getattr(settings, name), _wire(info)
@@ -91,30 +91,30 @@ def fill_message(message: Message, settings: BaseModel, *, model: type[BaseModel
 
 
 def message_fields(message: Message | type[Message], name: str) -> tuple[FieldDescriptor, ...]:
-    """Return the fields of a message that a field of its model stands for.
+    """Return the fields of a message for a field of its model.
 
     Parameters
     ----------
     message : Message
-        It, or its type.
+        Message or its type.
     name : str
-        Of the model's field.
+        Name of the model's field.
 
     Returns
     -------
     tuple of FieldDescriptor
-        The one of the same name, or the two of a range.
+        Field of the same name, or the two of a range.
 
     Raises
     ------
     LookupError
-        The message has no such field.
+        If the message has no such field.
     """
     found = message.DESCRIPTOR.fields_by_name
     names = (name,) if name in found else (f"smallest_{name}", f"largest_{name}")
     if missing := [each for each in names if each not in found]:
         raise LookupError(f"{message.DESCRIPTOR.full_name} has neither {name} nor {' and '.join(missing)}.")
-    # The stubs say of a field that it may be one of the implementation, which has the same attributes.
+    # The stubs allow a field type of the implementation, which has the same attributes.
     return tuple(cast(FieldDescriptor, found[each]) for each in names)
 
 
@@ -160,13 +160,13 @@ def _values(message: Message, model: type[BaseModel], *, path: str) -> Iterator[
             elif field.enum_type is not None:
                 yield name, _member(field.enum_type, value, info.annotation, path=f"{path}{name}")
             else:
-                # Of the exponents of an S-N line, which are whole numbers in the model.
+                # For the exponents of an S-N line, which are whole numbers in the model.
                 whole = _enum_of(info.annotation) is not None and isinstance(value, float) and value.is_integer()
                 yield name, int(value) if whole else value
 
 
 def _section_of(annotation: Any) -> type[BaseModel] | None:
-    """Return the section that a field holds, one or many of them; None where it holds single values."""
+    """Return the section of a field, one or many of them; None if it holds single values."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         return annotation
     return next((found for inner in get_args(annotation) if (found := _section_of(inner)) is not None), None)
@@ -214,7 +214,7 @@ def _enum_of(annotation: Any) -> type[Enum] | None:
 
 
 def _axes(annotation: Any) -> int:
-    """Count the axes of nested tuples."""
+    """Return the number of axes of nested tuples."""
     inner = max((_axes(each) for each in get_args(annotation)), default=0)
     return inner + 1 if get_origin(annotation) is tuple else inner
 

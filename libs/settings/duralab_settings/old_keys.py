@@ -1,4 +1,4 @@
-"""Keys of a campaign file that have another name now: they are read, and a sentence names the new one."""
+"""Renamed keys of a campaign file: the old ones are read, and a sentence names the new ones."""
 
 from __future__ import annotations
 
@@ -20,30 +20,30 @@ RENAMED: Final = {
     "update.caution": "update.secant.caution",
     "update.regularisation": "update.secant.regularisation",
 }
-"""Old path of a key and new one; `*` stands for a name that the user gives."""
+"""Old path of a key and new one; `*` is a placeholder for a name that the user gives."""
 
 
 def with_new_keys(content: dict[Any, Any], *, name: str = "") -> tuple[dict[Any, Any], tuple[str, ...]]:
-    """Return a campaign file's content with the keys of today.
+    """Return a campaign file's content with the present keys.
 
     Parameters
     ----------
     content : dict
-        As read, of a whole campaign or of a part; not changed.
+        Content as read, of a whole campaign or of a part; not changed.
     name : str
         Beginning of an error's sentence, e.g. "my.yaml: ".
 
     Returns
     -------
     content : dict
-        With new keys only, as far as the old ones are known.
+        Content with new keys only, as far as the old ones are known.
     remarks : tuple of str
         One sentence that names every old key and its new one; empty if there was no old key.
 
     Raises
     ------
     SettingsError
-        The old and the new key of one setting are given.
+        If the old and the new key of one setting are given.
     """
     renamed = deepcopy(content)
     found: dict[str, str] = {}
@@ -63,17 +63,17 @@ def with_new_keys(content: dict[Any, Any], *, name: str = "") -> tuple[dict[Any,
 
 
 def new_key(path: str) -> str:
-    """Return today's name of a dotted key, which is the same unless it was renamed.
+    """Return the present name of a dotted key, which is the same unless it was renamed.
 
     Parameters
     ----------
     path : str
-        E.g. "stop.iterations" or "update.gain.left_vertical".
+        Dotted key, e.g. "stop.iterations" or "update.gain.left_vertical".
 
     Returns
     -------
     str
-        E.g. "update.iteration_gain.left_vertical".
+        Present name, e.g. "update.iteration_gain.left_vertical".
     """
     parts = path.split(".")
     for pattern, replacement in RENAMED.items():
@@ -85,17 +85,17 @@ def new_key(path: str) -> str:
 
 
 def remarks_on(keys: Iterable[str]) -> tuple[str, ...]:
-    """Return a sentence that names every older one of some dotted keys and its new one.
+    """Return a sentence that names the old ones among some dotted keys and their new names.
 
     Parameters
     ----------
     keys : iterable of str
-        As they are written.
+        Keys as written.
 
     Returns
     -------
     tuple of str
-        One sentence, or none.
+        One sentence, or an empty tuple.
     """
     return _remarks({key: new for key in keys if (new := new_key(key)) != key}, name="")
 
@@ -106,7 +106,7 @@ def _remarks(found: Mapping[str, str], *, name: str) -> tuple[str, ...]:
 
 
 def old_names(place: Sequence[str]) -> dict[str, str]:
-    """Return the older keys of a section and their names of today."""
+    """Return the old keys of a section and their present names."""
     names = {}
     for pattern, replacement in RENAMED.items():
         *parents, old = pattern.split(".")
@@ -122,7 +122,7 @@ def _stands_for(wanted: str, part: str) -> bool:
 
 
 def _places(content: Any, parts: list[str]) -> Iterator[tuple[dict[Any, Any], list[str]]]:
-    """Yield the mappings that hold a key, and the names that stand for `*`."""
+    """Yield the mappings that hold a key, and the names that match `*`."""
     head, *rest = parts
     if not isinstance(content, dict):
         return
@@ -138,7 +138,7 @@ def _places(content: Any, parts: list[str]) -> Iterator[tuple[dict[Any, Any], li
 
 
 def _descend(content: dict[Any, Any], keys: list[str]) -> dict[Any, Any] | None:
-    """Return the mapping at a place, which is made where there is none; None where something else stands there."""
+    """Return the mapping at a place, which is made if it is missing; None if the place holds another value."""
     for key in keys:
         content = content.setdefault(key, {})
         if not isinstance(content, dict):

@@ -1,4 +1,4 @@
-"""Plug-ins: objects that installed distributions offer under the name of an entry point."""
+"""Plug-ins: objects of installed distributions under the name of an entry point."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from duralab_settings.values import SettingsError
 
 @dataclass(frozen=True)
 class Plugin:
-    """A plug-in that was loaded.
+    """Loaded plug-in.
 
     Parameters
     ----------
     name : str
-        Of its entry point.
+        Name of its entry point.
     source : str
-        Distribution and version that it comes from, e.g. "duralab-momentum 1.0".
+        Distribution and version of the plug-in, e.g. "duralab-momentum 1.0".
     content : object
-        What the entry point names.
+        Object that the entry point names.
     """
 
     name: str
@@ -35,12 +35,12 @@ def plugin_names(group: str) -> tuple[str, ...]:
     Parameters
     ----------
     group : str
-        Of entry points, e.g. "duralab.updates".
+        Group of entry points, e.g. "duralab.updates".
 
     Returns
     -------
     tuple of str
-        Each once; nothing is imported.
+        Names, each once; the plug-ins are not imported.
     """
     return tuple(sorted({entry.name for entry in entry_points(group=group)}))
 
@@ -51,18 +51,18 @@ def load_plugin(group: str, name: str, *, field: str, shipped: Collection[str] =
     Parameters
     ----------
     group : str
-        Of entry points, e.g. "duralab.updates".
+        Group of entry points, e.g. "duralab.updates".
     name : str
-        Of the entry point.
+        Name of the entry point.
     field : str
         Key that names it, for errors.
     shipped : collection of str
-        Names that a plug-in must not take.
+        Names that a plug-in must not have.
 
     Returns
     -------
     Plugin
-        Imported, not checked any further.
+        Imported plug-in, not checked any further.
 
     Raises
     ------
@@ -100,17 +100,17 @@ def load_plugin(group: str, name: str, *, field: str, shipped: Collection[str] =
 
 
 def one_line(error: BaseException) -> str:
-    """Return kind and message of an error of a plug-in in one line.
+    """Return the type and message of a plug-in's error in one line.
 
     Parameters
     ----------
     error : BaseException
-        As it was raised.
+        Raised error.
 
     Returns
     -------
     str
-        At most 300 characters, without a full stop.
+        Text of at most 300 characters, without a full stop.
     """
     text = " ".join(str(error).split()).rstrip(".")
     return f"{type(error).__name__}: {text}"[:300] if text else type(error).__name__

@@ -1,4 +1,4 @@
-"""Files where POSIX and Windows differ: how one is opened for bytes, and how a process claims it for itself."""
+"""Differences of files between POSIX and Windows: opening one for bytes, and locking it for a process."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Final
 
 OPEN_BINARY: Final = os.O_BINARY if sys.platform == "win32" else 0
-"""Flag of `os.open` without which Windows changes the ends of lines."""
+"""Flag of `os.open` without which Windows changes line endings."""
 
 if sys.platform == "win32":
     import msvcrt
@@ -24,22 +24,22 @@ else:
 
 
 def lock_file(path: Path) -> int:
-    """Open a file and claim it for this process, until the descriptor is closed or the process ends.
+    """Open a file and lock it for this process, until the descriptor is closed or the process ends.
 
     Parameters
     ----------
     path : Path
-        Made, empty, where it does not exist.
+        Path of the file; an empty one is made if it does not exist.
 
     Returns
     -------
     int
-        The descriptor that holds the lock.
+        Descriptor that holds the lock.
 
     Raises
     ------
     OSError
-        Another process has claimed it, or it cannot be opened for writing.
+        If another process has locked it, or it cannot be opened for writing.
     """
     descriptor = os.open(path, os.O_RDWR | os.O_CREAT | OPEN_BINARY, 0o644)
     try:

@@ -1,4 +1,4 @@
-"""Files that a user names: only regular ones are read, for a FIFO or a device makes its reader wait without end."""
+"""Files that a user names: only regular ones are read, because a FIFO or a device blocks its reader without end."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ def require_regular(path: Path) -> os.stat_result:
     Parameters
     ----------
     path : Path
-        The file; a link counts as what it leads to.
+        Path of the file; links are followed.
 
     Returns
     -------
     os.stat_result
-        As of `Path.stat`.
+        Status from `Path.stat`.
 
     Raises
     ------
     OSError
-        The file does not exist, or is a FIFO, a socket, a device or a directory; `strerror` names the reason.
+        If the file does not exist, or is a FIFO, a socket, a device or a directory; `strerror` names the reason.
     ValueError
-        No file can have this name.
+        If no file can have this name.
     """
     return _checked(path, path.stat())
 
@@ -49,22 +49,22 @@ def open_regular(path: Path) -> BufferedReader:
     Parameters
     ----------
     path : Path
-        The file; a link counts as what it leads to.
+        Path of the file; links are followed.
 
     Returns
     -------
     BufferedReader
-        At its first byte; the caller closes it.
+        Stream at its first byte; the caller closes it.
 
     Raises
     ------
     OSError, ValueError
-        As from `require_regular`, or the file may not be read.
+        As for `require_regular`, or the file may not be read.
     """
-    # Looked at before it is opened: opening a FIFO for a moment would already disturb who writes into it.
+    # Checked before it is opened: opening a FIFO even briefly would disturb its writer.
     require_regular(path)
-    # And when it is open, for another file may have taken its name; O_NONBLOCK keeps that from waiting. On Windows no
-    # file can be a FIFO.
+    # Checked again after opening, because another file may have got its name; O_NONBLOCK prevents a wait then. On
+    # Windows no file can be a FIFO.
     without_waiting = OPEN_BINARY if sys.platform == "win32" else os.O_NONBLOCK
     descriptor = os.open(path, os.O_RDONLY | without_waiting)
     try:
@@ -81,19 +81,19 @@ def read_regular(path: Path, *, largest: int) -> bytes:
     Parameters
     ----------
     path : Path
-        The file.
+        Path of the file.
     largest : int
-        Most bytes that it may have.
+        Largest allowed size in bytes.
 
     Returns
     -------
     bytes
-        All of them.
+        Content of the file.
 
     Raises
     ------
     OSError
-        As from `require_regular`, or the file is larger.
+        As for `require_regular`, or the file is larger.
     """
     with open_regular(path) as stream:
         content = stream.read(largest + 1)

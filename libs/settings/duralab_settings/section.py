@@ -1,4 +1,4 @@
-"""Common part of all groups of settings."""
+"""Base class of all groups of settings."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from duralab_settings.wording import explained
 
 
 class Section(BaseModel):
-    """A group of settings: every key is known and has its type; nothing is guessed.
+    """Group of settings: only known keys with values of their type are accepted.
 
     Raises
     ------
     SettingsError
-        A key or value is not allowed.
+        If a key or value is not allowed.
     """
 
     model_config = ConfigDict(frozen=True, extra="forbid", strict=True, allow_inf_nan=False)
@@ -25,13 +25,13 @@ class Section(BaseModel):
     if not TYPE_CHECKING:
 
         def __init__(self, /, **values: Any) -> None:
-            """Check the values that a script gives."""
+            """Check the values from a script."""
             try:
                 super().__init__(**values)
             except ValidationError as error:
                 raise explained(error, type(self)) from error
 
-        # Sections in one another are still checked as one, so that an error names the whole path.
+        # Nested sections are still checked as one, so that an error names the whole path.
         __init__.__pydantic_base_init__ = True
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:

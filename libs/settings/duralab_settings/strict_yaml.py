@@ -1,4 +1,4 @@
-"""YAML as the lab takes it: a key stands once, nothing grows without bound, and what is wrong is one sentence."""
+"""YAML as accepted in the lab: a key occurs once, sizes are bounded, and an error is one sentence."""
 
 from __future__ import annotations
 
@@ -12,35 +12,36 @@ import yaml
 from duralab_settings.regular_files import read_regular
 
 LARGEST_TEXT: Final = 2**20
-"""Bytes of a file, and characters of a text. The largest shipped file has 8 thousand."""
+"""Largest size of a file in bytes, and of a text in characters. The largest shipped file has 8 thousand."""
 
 DEEPEST: Final = 100
-"""Lists and mappings in one another, aliases followed. PyYAML reads them by recursion: in C, where it is built with it,
-an overflow of the stack ends the process."""
+"""Largest depth of nested lists and mappings, aliases followed. PyYAML reads them by recursion: in its C version, a
+stack overflow ends the process."""
 
 MOST_VALUES: Final = 100_000
-"""Lists, mappings, keys and single values, those of an alias counted at every place where it stands."""
+"""Largest number of lists, mappings, keys and single values, those of an alias counted at every use."""
 
 MOST_DIGITS: Final = 1000
-"""Characters of an integer: Python writes none of more than 4300 digits, and one in base 60 takes time in square."""
+"""Largest number of characters of an integer: Python prints at most 4300 digits, and one in base 60 takes quadratic
+time."""
 
 MOST_DIRECTIVES: Final = 10
-"""Lines that begin with %: the parser compares each tag directive with all before it."""
+"""Largest number of lines that begin with %: the parser compares each tag directive with all before it."""
 
 _LONGEST_QUOTED: Final = 80
 _DIRECTIVE: Final = re.compile("(?:^|[\n\r\x85\u2028\u2029])%")
 _INTEGER_TAG: Final = "tag:yaml.org,2002:int"
 
-#: The safe loader, in C where PyYAML was built with it: 20 times faster on a specimen.
+#: Safe loader, in C if PyYAML was built with it: 20 times faster on a specimen.
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
 
 class YamlError(ValueError):
-    """Text that is not YAML as it is taken here; the message is a clause that ends with the place."""
+    """Text that is not YAML as accepted here; the message is a clause that ends with the position."""
 
 
 class _StrictLoader(_SafeLoader):
-    """Names the place of a date or number that cannot be read; `_check_extent` has refused what may not be built."""
+    """Loader that names the position of an unreadable date or number; `_check_extent` runs before it."""
 
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
         if isinstance(node, yaml.ScalarNode) and node.tag == _INTEGER_TAG and len(node.value) > MOST_DIGITS:
@@ -48,7 +49,7 @@ class _StrictLoader(_SafeLoader):
         try:
             return super().construct_object(node, deep)
         except (ArithmeticError, AttributeError, LookupError, ValueError) as error:
-            # Looks like a date or a number and is none, or a tag says that it is one.
+            # It looks like a date or a number and is not, or has such a tag.
             kind = node.tag.rpartition(":")[2]
             raise _marked(f"{_quoted(node.value)} cannot be read as {kind} ({error})", node) from error
 
@@ -59,42 +60,42 @@ def read_yaml_text(path: Path) -> str:
     Parameters
     ----------
     path : Path
-        A regular file of `LARGEST_TEXT` bytes at most.
+        Path of a regular file of at most `LARGEST_TEXT` bytes.
 
     Returns
     -------
     str
-        Its lines end with a line feed only.
+        Text whose lines end with a line feed only.
 
     Raises
     ------
     OSError
-        It cannot be read, is not a regular file or is larger; `strerror` names the reason.
+        If it cannot be read, is not a regular file or is larger; `strerror` names the reason.
     UnicodeDecodeError
-        It is not UTF-8.
+        If it is not UTF-8.
     """
-    # As a file that is opened as text: every end of a line becomes "\n".
+    # As in a file that is opened as text: every line ending becomes "\n".
     return read_regular(path, largest=LARGEST_TEXT).decode("utf-8").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def parse_yaml(text: str) -> Any:
-    """Return what a YAML text holds.
+    """Return the content of a YAML text.
 
     Parameters
     ----------
     text : str
-        One document, of `LARGEST_TEXT` characters at most.
+        Text of one document, of at most `LARGEST_TEXT` characters.
 
     Returns
     -------
     Any
-        Mappings, lists and single values; None of an empty text. An alias is the same object at every place.
+        Mappings, lists and single values; None for an empty text. An alias is the same object at every use.
 
     Raises
     ------
     YamlError
-        It is not YAML, is too large, holds a key twice, an invalid date or number, is nested deeper than `DEEPEST`,
-        or holds more than `MOST_VALUES` values or `LARGEST_TEXT` characters when its aliases are written out.
+        If the text is not YAML, is too large, holds a key twice, an invalid date or number, is nested deeper than
+        `DEEPEST`, or holds more than `MOST_VALUES` values or `LARGEST_TEXT` characters with its aliases expanded.
     """
     if len(text) > LARGEST_TEXT:
         raise YamlError(f"it has {len(text)} characters, and {LARGEST_TEXT} are allowed")
@@ -113,7 +114,7 @@ def parse_yaml(text: str) -> Any:
 
 @dataclass
 class _Extent:
-    """What a value comes to when its aliases are written out."""
+    """Size of a value with its aliases expanded."""
 
     values: int = 1
     characters: int = 0
@@ -123,7 +124,7 @@ class _Extent:
 
 @dataclass
 class _Collection:
-    """A list or mapping whose end has not been read."""
+    """List or mapping whose end has not been read."""
 
     is_mapping: bool = False
     anchor: str | None = None
@@ -132,9 +133,9 @@ class _Collection:
     keys: set[str] = field(default_factory=set)
 
     def add(self, part: _Extent, event: Any, *, above: int) -> None:
-        """Take in a value or key; `above` is the number of collections that the collection stands in."""
+        """Add a value or key; `above` is the number of collections that contain this one."""
         if self.is_mapping and self.parts % 2 == 0 and part.scalar is not None:
-            # YAML's own readers take the last of two equal keys and say nothing.
+            # YAML's own readers use the last of two equal keys without an error.
             if part.scalar in self.keys:
                 raise _marked(f"the key {_quoted(part.scalar)} is given twice", event)
             self.keys.add(part.scalar)
@@ -154,10 +155,10 @@ _COUNTED: Final = "those of an alias counted at every place where it stands"
 
 
 def _check_extent(text: str) -> None:
-    """Refuse what would be too large or too deep once it is built, and keys that are given twice."""
-    # Of each anchor; None while its end has not been read.
+    """Refuse content that would be too large or too deep after loading, and duplicate keys."""
+    # Extent of each anchor; None while its end has not been read.
     anchors: dict[str, _Extent | None] = {}
-    # The first is the stream of documents.
+    # The first one is the stream of documents.
     open_collections = [_Collection()]
     for event in yaml.parse(text, Loader=_SafeLoader):
         match event:
@@ -182,7 +183,7 @@ def _check_extent(text: str) -> None:
 
 
 def _aliased(anchors: dict[str, _Extent | None], event: yaml.AliasEvent) -> _Extent:
-    # One that was not defined is refused when the text is loaded.
+    # An undefined alias is refused when the text is loaded.
     extent = anchors.get(event.anchor or "", _Extent())
     if extent is None:
         raise _marked(f"the alias *{event.anchor} stands within what it is an alias of", event)

@@ -1,4 +1,4 @@
-"""Units as measurement systems write them, converted by pint."""
+"""Units as written by measurement systems, converted by pint."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     import pint
 
 _WRITTEN_SO: Final = {
-    # As measurement systems write them; pint knows other things by some of these names (g is the gram).
+    # As written by measurement systems; some of these names are other units in pint (g is the gram).
     "g": "standard_gravity",
     "G": "standard_gravity",
     "°": "degree",
@@ -37,7 +37,7 @@ _FACTOR: Final = re.compile(r"[^\s*/^()]+")
 
 
 class UnitError(ValueError):
-    """A unit that is not known, or does not convert to another; one sentence."""
+    """Unit that is unknown, or does not convert to another; one sentence."""
 
 
 @cache
@@ -55,7 +55,7 @@ def _unit(text: str, channel: str) -> pint.Unit:
     written = _WRITTEN_SO.get(text.strip(), text.strip())
     try:
         return _registry().parse_units(written)
-    # Its parser of expressions fails with whatever a text breaks: tokens, types, assertions.
+    # The expression parser of pint can raise any exception: tokens, types, assertions.
     except Exception as error:
         raise UnitError(
             f"The unit {text!r} of {channel} is not known; units like N, kN, mm, m/s^2, g, deg or bar are."
@@ -72,19 +72,19 @@ def base_unit(text: str, channel: str) -> str:
     Parameters
     ----------
     text : str
-        Any unit that pint knows; "g" is the standard gravity, not the gram.
+        Any unit of pint; "g" is the standard gravity, not the gram.
     channel : str
-        Whose unit it is, for the sentence of an error.
+        Channel with this unit, for the sentence of an error.
 
     Returns
     -------
     str
-        The same for all units that convert to one another; "1" for none.
+        Base units, the same for all units that convert to one another; "1" for none.
 
     Raises
     ------
     UnitError
-        The unit is not known.
+        If the unit is unknown.
     """
     # A product or quotient, such as mV/g, is read factor by factor.
     written = _FACTOR.sub(lambda found: _WRITTEN_SO.get(found[0], found[0]), text)
@@ -97,11 +97,11 @@ def unit_conversion(given: str, wanted: str, channel: str, *, times: str = "1") 
     Parameters
     ----------
     given, wanted : str
-        Any units that pint knows.
+        Any units of pint.
     channel : str
-        Whose units they are, for the sentence of an error.
+        Channel with these units, for the sentence of an error.
     times : str
-        Unit that `given` is multiplied by, such as that of a weight.
+        Unit by which `given` is multiplied, such as that of a weight.
 
     Returns
     -------
@@ -111,7 +111,7 @@ def unit_conversion(given: str, wanted: str, channel: str, *, times: str = "1") 
     Raises
     ------
     UnitError
-        A unit is not known, or they are of different dimensions.
+        If a unit is unknown, or they are of different dimensions.
     """
     source, goal = _unit(given, channel), _unit(wanted, channel)
     weight = _unit(times, f"the weight of {channel}")

@@ -1,4 +1,4 @@
-"""Findings of pydantic as one sentence: the place, the value, what is allowed."""
+"""Findings of pydantic as one sentence: the place, the value, the allowed values."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any, Final, get_args, get_origin
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
-# A file may be wrong in tens of thousands of places: a sentence names some of them, and keys and values by their start.
+# A file may have tens of thousands of errors: a sentence names some of them, with the start of long keys and values.
 _MOST_FINDINGS: Final = 20
 _MOST_COMPARED: Final = 200
 _LONGEST_SHOWN: Final = 80
@@ -25,7 +25,7 @@ class Explanation:
     Parameters
     ----------
     sentence : str
-        All findings, up to 20 of them, with the place, the value and what is allowed; ends with "." or "?".
+        All findings, up to 20 of them, with the place, the value and the allowed values; ends with "." or "?".
     field : str
         Path of the first finding, e.g. "stop.iterations"; empty for the whole document.
     """
@@ -50,7 +50,7 @@ def explain_validation(
     Parameters
     ----------
     error : ValidationError
-        What pydantic found.
+        Error of pydantic.
     model : type, optional
         Model of the document; without it the sentence names no allowed keys.
     place : sequence of str
@@ -62,14 +62,14 @@ def explain_validation(
     joint : str
         Text between the path and the message of a validator. An error with a `field` names that key of its section.
     prefix : str
-        Path of the document itself; empty where it is the whole.
+        Path of the document itself; empty if it is the whole.
     older : callable, optional
-        Returns the earlier names of a section's keys with those of today, for the key that was probably meant.
+        Returns the old names of a section's keys with the present ones, for the key that was probably meant.
 
     Returns
     -------
     Explanation
-        The sentence and its first field.
+        Sentence and its first field.
     """
     findings = error.errors(include_url=False)
     if is_part:
@@ -101,14 +101,14 @@ class _Names:
         return ".".join([self.prefix, *parts] if self.prefix else parts)
 
     def meant(self, location: Sequence[int | str]) -> str | None:
-        """Return the key that an unknown one is most like, by its name of today or an earlier one."""
+        """Return the key that is most similar to an unknown one, by its present or an old name."""
         *place, key = location
         older = self.older([str(part) for part in place]) if self.older is not None else {}
         close = get_close_matches(_cut(str(key)), [*_keys_at(self.model, place), *older], n=1)
         return older.get(close[0], close[0]) if close else None
 
     def description(self, location: Sequence[int | str]) -> str:
-        """Return the description of a key; of a value in a list or in a mapping by name, that of the whole."""
+        """Return the description of a key; for a value in a list or in a mapping by name, that of the whole."""
         for depth in range(len(location), 0, -1):
             if found := _keys_at(self.model, location[: depth - 1]).get(str(location[depth - 1]), ""):
                 return found
@@ -116,10 +116,10 @@ class _Names:
 
 
 def _without_echoes(findings: list[ErrorDetails], names: _Names) -> list[ErrorDetails]:
-    """Leave out what follows from another finding.
+    """Leave out findings that result from another one.
 
-    That is a missing key which an unknown one misspells, and what is said of a whole with a wrong part: a list without
-    its wrong entry is too short.
+    Such findings are a missing key that an unknown one misspells, and an error of a whole with a wrong part: a list
+    without its wrong entry is too short.
     """
     around = {finding["loc"][:depth] for finding in findings for depth in range(len(finding["loc"]))}
     meant = {
@@ -200,9 +200,9 @@ def _annotations(model: type[Any] | None) -> dict[str, Any]:
 
 
 def _section(annotation: Any) -> tuple[type[Any] | None, bool]:
-    """Return the one section that an annotation names, None if there is none or a choice, and whether in a mapping."""
+    """Return the only section in an annotation, None without one or with a choice, and whether it is in a mapping."""
     parts = [annotation]
-    # The list grows while it is read: annotations stand in one another.
+    # The list grows while it is read: annotations are nested.
     for part in parts:
         parts += get_args(part)
     sections = {part for part in parts if isinstance(part, type) and _is_section(part)}

@@ -1,4 +1,4 @@
-"""Types of single values, how a message writes them, and the errors of those that are not allowed."""
+"""Types of single values, their form in a message, and the errors of values that are not allowed."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from pydantic import BeforeValidator, Discriminator, Field, Tag
 
 
 class MisfitError(ValueError):
-    """A value that does not fit beside the others of its section.
+    """Value that does not fit the others of its section.
 
     Parameters
     ----------
     reason : str
-        Half a sentence whose subject is the section: the value, what is allowed, what to do.
+        Half a sentence whose subject is the section: the value, the allowed values, the remedy.
     field : str
-        The key of the section that is wrong.
+        Wrong key of the section.
     """
 
     def __init__(self, reason: str, *, field: str) -> None:
@@ -28,10 +28,10 @@ class MisfitError(ValueError):
 
 @dataclass(frozen=True)
 class Wire:
-    """Representation of a value in the message if it differs from the model; see `to_message`.
+    """Representation of a value in the message if it differs from the model; see `messages.fill_message`.
 
-    `zero`: What 0 of the message stands for; without it 0 is the value 0, and None where the model allows None. `none`:
-    What the message holds for None.
+    `zero`: Value for 0 in the message; without it 0 is the value 0, and None if the model allows None. `none`: Value of
+    the message for None.
     """
 
     zero: Any = None
@@ -39,14 +39,14 @@ class Wire:
 
 
 def _as_tuple(value: Any) -> Any:
-    """Return nested tuples for an array of numbers or a list, as YAML has it; everything else as it is."""
+    """Return nested tuples for an array of numbers or a list, as in YAML; other values unchanged."""
     if isinstance(value, np.ndarray):
         value = value.tolist()
     return tuple(_as_tuple(each) for each in value) if isinstance(value, list) else value
 
 
 AS_TUPLE = BeforeValidator(_as_tuple)
-"""Takes lists and arrays for a tuple."""
+"""Converts lists and arrays to a tuple."""
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -59,7 +59,7 @@ Range = Annotated[tuple[Positive, Positive], AS_TUPLE]
 Ratios = Annotated[tuple[NotNegative, Positive], AS_TUPLE]
 
 ONE_NUMBER, PER_CHANNEL = "one number", "per channel"
-"""The two ways to give a value of every channel; they stand in pydantic's locations, never in the file."""
+"""Two forms of a value for every channel; they appear in pydantic's locations, never in the file."""
 
 _how_given = Discriminator(lambda value: PER_CHANNEL if isinstance(value, dict) else ONE_NUMBER)
 PositivePerChannel = Annotated[
@@ -91,9 +91,9 @@ class SettingsError(ValueError):
     Parameters
     ----------
     message : str
-        One sentence: the value, what is allowed, what to do.
+        One sentence: the value, the allowed values, the remedy.
     field : str
-        Path of the key that is wrong, e.g. "excitation.duration".
+        Path of the wrong key, e.g. "excitation.duration".
     """
 
     def __init__(self, message: str, *, field: str) -> None:

@@ -1,4 +1,4 @@
-"""Errors of settings, in one sentence: the key, the value, what is allowed."""
+"""Errors of settings, in one sentence: the key, the value, the allowed values."""
 
 from __future__ import annotations
 
@@ -18,27 +18,27 @@ def explained(
     prefix: str = "",
     is_part: bool = False,
 ) -> SettingsError:
-    """Return what is wrong with settings in one sentence.
+    """Return the error of settings in one sentence.
 
     Parameters
     ----------
     error : ValidationError
-        What was found.
+        Error of pydantic.
     root : type
-        The model that holds all keys.
+        Model that holds all keys.
     name : str
         Beginning of the sentence, e.g. the name of a file.
     place : tuple of str
-        Keys of the root that lead to the part that was checked.
+        Keys of the root that lead to the checked part.
     prefix : str
-        Path of the root itself, e.g. "excitation"; empty where it is the whole.
+        Path of the root itself, e.g. "excitation"; empty if it is the whole.
     is_part : bool
         Whether keys of the part itself may be missing.
 
     Returns
     -------
     SettingsError
-        With the path of the first key that is wrong.
+        Error with the path of the first wrong key.
     """
     hidden = (ONE_NUMBER, PER_CHANNEL)
     found = explain_validation(

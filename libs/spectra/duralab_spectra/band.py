@@ -5,30 +5,30 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def band_mask(frequency: ArrayLike, lowest: float, highest: float, *, edge: float) -> NDArray[np.float64]:
-    """Mask that is 0 at and outside the limits of a band and 1 inside, with smooth edges inside the band.
+    """Return a mask that is 0 at and outside the limits of a band and 1 inside, with smooth edges inside the band.
 
     Parameters
     ----------
     frequency
-        Shape (lines), in hertz, 0 or more.
+        Frequencies of the lines, shape (lines), in hertz, 0 or more.
     lowest
         Lower limit, in hertz, 0 or more. At 0 there is no lower edge: the mask is 1 down to frequency 0.
     highest
         Upper limit, in hertz, above `lowest`.
     edge
-        Width of each edge, in hertz, 0 or more, at most half the band. The edge rises as
-        ``x - sin(2 pi x) / 2 pi``, whose first two derivatives vanish at both ends, so the impulse response dies out
-        fast. At 0 the mask is 1 on the limits and 0 outside.
+        Width of each edge, in hertz, 0 or more, at most half the band. The edge rises as ``x - sin(2 pi x) / 2 pi``,
+        whose first two derivatives vanish at both ends, so the impulse response decays fast. At 0 the mask is 1 on the
+        limits and 0 outside.
 
     Returns
     -------
     numpy.ndarray
-        Shape (lines), 0 to 1.
+        Mask, shape (lines), 0 to 1.
 
     Raises
     ------
     ValueError
-        Where the limits or the edge are not allowed.
+        If the limits or the edge are not allowed.
     """
     if not (np.isfinite(lowest) and np.isfinite(highest) and 0.0 <= lowest < highest):
         raise ValueError(f"The band runs from {lowest} to {highest} Hz; it must be finite, rising and from 0 upward.")

@@ -5,25 +5,25 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-# Of one channel's windowed blocks. Measured on 2 + 2 to 16 + 16 channels: half as much is up to a tenth slower.
+# Size of one channel's windowed blocks. Measured on 2 + 2 to 16 + 16 channels: half of it is up to a tenth slower.
 _CHANNEL_BYTES = 3 * 2**17
-# Of the spectra of all channels: what is longer multiplies no faster and takes more memory.
+# Size of the spectra of all channels: larger ones multiply no faster and take more memory.
 _SPECTRA_BYTES = 3 * 2**21
 
 
 class NotFiniteError(ValueError):
-    """A record holds a value that is not finite; where, `as_record` says."""
+    """A record holds a value that is not finite; the error of `as_record` states where."""
 
     def __init__(self) -> None:
         super().__init__("A value of a record is not finite.")
 
 
 class BlockSpectra:
-    """Windows and transforms whole blocks; its memory is taken once and used again for every chunk.
+    """Windowing and transform of whole blocks; its memory is allocated once and reused for every chunk.
 
-    `window`: Shape (block samples). `hop`: Samples between the starts of neighbouring blocks, 1 or more. `channels`: Of
-    all records together, 1 or more. `chosen`: Lines that are kept, next to each other; all where not given. `powered`:
-    Of how many of the first channels the power is summed, 0 to `channels`.
+    `window`: Shape (block samples). `hop`: Samples between the starts of neighbouring blocks, 1 or more. `channels`:
+    Number of channels of all records together, 1 or more. `chosen`: Range of the kept lines; all if omitted.
+    `powered`: Number of first channels whose power is summed, 0 to `channels`.
     """
 
     def __init__(
@@ -56,10 +56,11 @@ class BlockSpectra:
         view = np.lib.stride_tricks.sliding_window_view
         frames = [view(channel, block)[:: self._hop] for record in records for channel in record]
         for start in range(0, frames[0].shape[0], self.blocks_in_chunk):
-            # What is not finite is found below, with an error in place of a warning.
+            # Values that are not finite are found below, with an error instead of a warning.
             with np.errstate(invalid="ignore", over="ignore"):
                 by_line = self._transformed([of_channel[start : start + self.blocks_in_chunk] for of_channel in frames])
-            # Every line holds something of every sample: one of them tells, and the record is not read for it again.
+            # Every line depends on every sample: one of them shows such a value, and the record is not read for it
+            # again.
             if not np.isfinite(by_line[0]).all():
                 raise NotFiniteError
             self.power += self._power_of_chunk
@@ -72,11 +73,11 @@ class BlockSpectra:
             by_line = np.empty((*by_line.shape[:2], blocks), dtype=np.complex128)
         for channel, of_channel in enumerate(frames):
             np.multiply(of_channel, self._window, out=windowed)
-            # numpy's transform writes into memory that is there; fresh pages would cost more than the transform.
+            # numpy's transform writes into existing memory; fresh pages would cost more than the transform.
             np.fft.rfft(windowed, axis=-1, out=spectra)
             if channel < self.power.shape[1]:
                 self._take_power(channel, spectra[:, self._chosen])
-            # The product at each line runs ten times slower on a foreign layout than this copy takes.
+            # The product at each line would be ten times slower on another layout than this copy.
             by_line[:, channel] = spectra[:, self._chosen].T
         return by_line
 
@@ -88,8 +89,8 @@ class BlockSpectra:
 
 
 def density_scale(window: NDArray[np.float64], sample_rate: float, blocks: int) -> NDArray[np.float64]:
-    """Factors from sums of products of block spectra to one-sided densities."""
+    """Return the factors from sums of products of block spectra to one-sided densities."""
     lines = window.size // 2 + 1
     scale = np.full(lines, 2.0 / (sample_rate * float(window @ window) * blocks))
-    scale[[0, -1]] *= 0.5  # the mean and the Nyquist line have no negative twin
+    scale[[0, -1]] *= 0.5  # the lines of the mean and of the Nyquist frequency have no negative counterpart
     return scale

@@ -5,12 +5,12 @@ from numpy.typing import ArrayLike, NDArray
 
 
 def hop_samples(block_samples: int, overlap: float) -> int:
-    """Distance between the first samples of neighbouring blocks.
+    """Return the distance between the first samples of neighbouring blocks.
 
     Parameters
     ----------
     block_samples
-        Samples in a block, even, 2 or more.
+        Number of samples in a block, even, 2 or more.
     overlap
         Share of a block that its successor repeats, 0 up to but not including 1. The hop is the whole number of samples
         nearest to ``block_samples (1 - overlap)``.
@@ -18,12 +18,12 @@ def hop_samples(block_samples: int, overlap: float) -> int:
     Returns
     -------
     int
-        1 or more.
+        Hop in samples, 1 or more.
 
     Raises
     ------
     ValueError
-        Where the block is odd or too short, or the overlap leaves no hop.
+        If the block is odd or too short, or the overlap leaves no hop.
     """
     if block_samples < 2 or block_samples % 2 != 0:
         raise ValueError(f"The block has {block_samples} samples; it must be an even number, 2 or more.")
@@ -39,26 +39,26 @@ def hop_samples(block_samples: int, overlap: float) -> int:
 
 
 def count_blocks(samples: int, block_samples: int, overlap: float) -> int:
-    """Blocks that a record holds (Eq. 10 of the paper), with the overlap in whole samples.
+    """Return the number of blocks in a record (Eq. 10 of the paper), with the overlap in whole samples.
 
     Parameters
     ----------
     samples
         Length of the record, 0 or more.
     block_samples
-        Samples in a block, even, 2 or more.
+        Number of samples in a block, even, 2 or more.
     overlap
         Share of a block that its successor repeats, 0 up to but not including 1.
 
     Returns
     -------
     int
-        ``floor((T - T_b) / (T_b (1 - r))) + 1``, or 0 where the record is shorter than a block.
+        ``floor((T - T_b) / (T_b (1 - r))) + 1``, or 0 if the record is shorter than a block.
 
     Raises
     ------
     ValueError
-        Where the block or the overlap is not allowed.
+        If the block or the overlap is not allowed.
 
     Notes
     -----
@@ -71,16 +71,16 @@ def count_blocks(samples: int, block_samples: int, overlap: float) -> int:
 
 
 def independent_averages(window: ArrayLike, hop: int, blocks: int) -> float:
-    """Equivalent number of independent blocks, the overlap and the window accounted for.
+    """Return the equivalent number of independent blocks, which accounts for the overlap and the window.
 
     Parameters
     ----------
     window
-        Shape (block samples).
+        Window, shape (block samples).
     hop
-        Samples between the starts of neighbouring blocks, 1 or more.
+        Number of samples between the starts of neighbouring blocks, 1 or more.
     blocks
-        Blocks averaged, 1 or more.
+        Number of averaged blocks, 1 or more.
 
     Returns
     -------
@@ -91,7 +91,7 @@ def independent_averages(window: ArrayLike, hop: int, blocks: int) -> float:
     Raises
     ------
     ValueError
-        Where the hop or the number of blocks is below 1, or the window is all zero.
+        If the hop or the number of blocks is below 1, or the window is all zero.
 
     Notes
     -----

@@ -1,7 +1,7 @@
-"""Applying an FRF matrix to a long record: acausal, zero-padded, without wrap-around, exact length back.
+"""Application of an FRF matrix to a long record: acausal, zero-padded, without wrap-around, of the same length.
 
-An FRF on the lines of a block has an impulse response of one block. It is centred: half of it lies before time zero,
-because the inverse of a rig is acausal. Both ways of applying it are the same linear convolution.
+An FRF on the lines of a block has an impulse response of one block. It is centred: half of it is before time zero,
+because the inverse of a rig is acausal. Both functions compute the same linear convolution.
 """
 
 import numpy as np
@@ -16,7 +16,7 @@ _SMALLEST_TRANSFORM = 8192
 
 
 def centred_impulse_response(frf: ArrayLike) -> NDArray[np.float64]:
-    """Impulse response of an FRF, time zero in the middle.
+    """Return the impulse response of an FRF, with time zero in the middle.
 
     Parameters
     ----------
@@ -28,12 +28,12 @@ def centred_impulse_response(frf: ArrayLike) -> NDArray[np.float64]:
     -------
     numpy.ndarray
         Shape (n_out, n_in, block samples + 1), from minus half a block to plus half a block. The sample half a block
-        away belongs to both ends and is shared between them, so that a real FRF stays free of phase.
+        away is part of both ends and is shared between them, so that a real FRF has no phase.
 
     Raises
     ------
     ValueError
-        Where the FRF's shape is wrong or a value is not finite.
+        If the FRF's shape is wrong or a value is not finite.
     """
     matrix = as_frf(frf)
     block = 2 * (matrix.shape[0] - 1)
@@ -48,24 +48,25 @@ def centred_impulse_response(frf: ArrayLike) -> NDArray[np.float64]:
 
 
 def filter_whole_record(samples: ArrayLike, frf: ArrayLike) -> NDArray[np.float64]:
-    """Apply an FRF to a record in one transform of the whole, zero-padded by the length of the impulse response.
+    """Apply an FRF to a record in one transform, zero-padded by the length of the impulse response.
 
     Parameters
     ----------
     samples
-        Shape (n_in, samples), any length, odd ones too; taken as zero outside.
+        Record, shape (n_in, samples), of any length, also odd; taken as zero outside.
     frf
         Complex, shape (lines, n_out, n_in), masked to its band.
 
     Returns
     -------
     numpy.ndarray
-        Shape (n_out, samples). Needs memory for several spectra of the record; `overlap_save` does not.
+        Filtered record, shape (n_out, samples). Needs memory for several spectra of the record; `overlap_save` does
+        not.
 
     Raises
     ------
     ValueError
-        Where the shapes do not agree or a value is not finite.
+        If the shapes do not agree or a value is not finite.
     """
     record, matrix = _agreeing(samples, frf)
     count = record.shape[1]
@@ -82,22 +83,22 @@ def overlap_save(samples: ArrayLike, frf: ArrayLike, *, transform_samples: int |
     Parameters
     ----------
     samples
-        Shape (n_in, samples), any length, odd ones too; taken as zero outside.
+        Record, shape (n_in, samples), of any length, also odd; taken as zero outside.
     frf
         Complex, shape (lines, n_out, n_in), masked to its band; its block has ``2 (lines - 1)`` samples.
     transform_samples
-        Length of each transform, even, longer than the FRF's block; 8192 or four blocks, whichever is longer, where not
-        given.
+        Length of each transform, even, longer than the FRF's block; if omitted, 8192 or four blocks, whichever is
+        longer.
 
     Returns
     -------
     numpy.ndarray
-        Shape (n_out, samples).
+        Filtered record, shape (n_out, samples).
 
     Raises
     ------
     ValueError
-        Where the shapes do not agree, a value is not finite, or the transform is too short.
+        If the shapes do not agree, a value is not finite, or the transform is too short.
 
     Notes
     -----
@@ -122,7 +123,7 @@ def overlap_save(samples: ArrayLike, frf: ArrayLike, *, transform_samples: int |
         spectrum = forward(frames[:, start : start + _CHUNK_BLOCKS])
         product = np.matmul(gain, np.ascontiguousarray(spectrum.transpose(2, 0, 1)))
         filtered = backward(np.ascontiguousarray(product.transpose(1, 2, 0)), length)
-        # The ends of each transform hold what wrapped around; the middle is the convolution itself.
+        # The ends of each transform wrap around; the middle is the linear convolution.
         result[:, start : start + _CHUNK_BLOCKS] = filtered[:, :, half : half + hop]
     return np.ascontiguousarray(result.reshape(matrix.shape[1], blocks * hop)[:, :count])
 
@@ -137,7 +138,7 @@ def _agreeing(samples: ArrayLike, frf: ArrayLike) -> tuple[NDArray[np.float64], 
 
 
 def _spectrum_of(impulse_response: NDArray[np.float64], samples: int) -> NDArray[np.complex128]:
-    """Lines of a centred impulse response on a longer block, time zero at the block's first sample."""
+    """Return the lines of a centred impulse response on a longer block, time zero at the block's first sample."""
     taps = impulse_response.shape[-1]
     half = taps // 2
     circular = np.zeros((*impulse_response.shape[:2], samples))

@@ -1,4 +1,4 @@
-"""The inverse of an FRF matrix, line by line, in the band where it was identified."""
+"""Inverse of an FRF matrix, line by line, in the band where it was identified."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,19 +13,19 @@ def as_frf(frf: ArrayLike, *, name: str = "frf") -> NDArray[np.complex128]:
     Parameters
     ----------
     frf
-        Shape (lines, n_y, n_u), finite, of a block with an even number of samples: 2 lines or more.
+        FRF matrix, shape (lines, n_y, n_u), finite, of a block with an even number of samples: 2 lines or more.
     name
-        What it is called in an error.
+        Name of the matrix in an error.
 
     Returns
     -------
     numpy.ndarray
-        Shape (lines, n_y, n_u); the same memory where nothing had to be converted.
+        FRF matrix, shape (lines, n_y, n_u); the same memory if no conversion was needed.
 
     Raises
     ------
     ValueError
-        Where the shape is not that or a value is not finite.
+        If the shape is wrong or a value is not finite.
     """
     matrix = np.ascontiguousarray(frf, dtype=np.complex128)
     if matrix.ndim != 3 or matrix.shape[0] < 2 or 0 in matrix.shape:
@@ -50,33 +50,33 @@ def inverse_frf(
     row_weight: ArrayLike | None = None,
     largest_condition: float = LARGEST_CONDITION,
 ) -> NDArray[np.complex128]:
-    """Masked (weighted pseudo-)inverse ``H^+`` of an FRF matrix, line by line.
+    """Return the masked (weighted pseudo-)inverse ``H^+`` of an FRF matrix, line by line.
 
     Parameters
     ----------
     frf
         Complex, shape (lines, n_y, n_u), ``n_y >= n_u``, response unit per drive unit.
     mask
-        Shape (lines), 0 to 1, see `band_mask`. Lines where it is 0 are not inverted and are 0 in the result; the others
-        are multiplied by it.
+        Mask, shape (lines), 0 to 1, see `band_mask`. Lines where it is 0 are not inverted and are 0 in the result; the
+        others are multiplied by it.
     frequency
-        Shape (lines), in hertz; names the line in an error.
+        Frequencies of the lines, shape (lines), in hertz; used in an error.
     row_weight
-        Shape (n_y), greater than 0: how much an error of each response counts in the least-squares sense, e.g. one over
-        its target's RMS. It matters only for ``n_y > n_u``; 1 where not given.
+        Weight of the error of each response in the least-squares sense, shape (n_y), greater than 0, e.g. one over its
+        target's RMS. It matters only for ``n_y > n_u``; 1 if omitted.
     largest_condition
-        Largest condition number allowed at a line with a mask above 0, judged after the weights and with each drive's
+        Largest condition number allowed at a line with a mask above 0, computed after the weights and with each drive's
         column scaled to unit length, so that units do not count. Greater than 1.
 
     Returns
     -------
     numpy.ndarray
-        Complex, shape (lines, n_u, n_y), drive unit per response unit.
+        Inverse, complex, shape (lines, n_u, n_y), drive unit per response unit.
 
     Raises
     ------
     ValueError
-        Where a shape or value is not allowed, or a line with a mask above 0 is singular.
+        If a shape or value is not allowed, or a line with a mask above 0 is singular.
 
     Notes
     -----
@@ -118,7 +118,7 @@ def inverse_frf(
             f"{condition[worst]:.3g}, at most {largest_condition:.3g} can be inverted; narrow the band or identify "
             "again."
         )
-    # Filled from the factors: right^H diag(1/s) left^H, then the scalings of columns and rows undone.
+    # Computed from the factors: right^H diag(1/s) left^H, then the scalings of columns and rows undone.
     core = np.matmul(right.conj().transpose(0, 2, 1) / singular[:, None, :], left.conj().transpose(0, 2, 1))
     inverse = np.zeros((lines, n_u, n_y), dtype=np.complex128)
     inverse[active] = core / length[:, :, None] * weight * band[active, None, None]
@@ -126,9 +126,10 @@ def inverse_frf(
 
 
 def pseudo_inverse(matrices: ArrayLike) -> NDArray[np.complex128]:
-    """Pseudo-inverse of each matrix, judged with its columns at unit length, so that units of drives do not count.
+    """Return the pseudo-inverse of each matrix, computed with columns of unit length, so that drive units do not count.
 
-    Without that, a column 1e15 times smaller than another one counts as rounding and is left out. Nothing is refused:
+    Without that, a column 1e15 times smaller than another one counts as rounding and is left out. No matrix is refused:
+    see `inverse_frf` for an FRF with its band.
     see `inverse_frf` for an FRF with its band.
 
     Parameters
@@ -139,7 +140,7 @@ def pseudo_inverse(matrices: ArrayLike) -> NDArray[np.complex128]:
     Returns
     -------
     numpy.ndarray
-        Complex, shape (..., columns, rows).
+        Pseudo-inverses, complex, shape (..., columns, rows).
     """
     values = np.asarray(matrices, dtype=np.complex128)
     length = np.linalg.norm(values, axis=-2, keepdims=True)

@@ -7,24 +7,24 @@ from duralab_spectra.records import require_sample_rate
 
 
 def line_frequencies(block_samples: int, sample_rate: float) -> NDArray[np.float64]:
-    """Frequencies of the one-sided spectrum of a block.
+    """Return the frequencies of the one-sided spectrum of a block.
 
     Parameters
     ----------
     block_samples
-        Samples in a block, 2 or more.
+        Number of samples in a block, 2 or more.
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
 
     Returns
     -------
     numpy.ndarray
-        Shape (block_samples // 2 + 1), in hertz, from 0 upward.
+        Frequencies, shape (block_samples // 2 + 1), in hertz, from 0 upward.
 
     Raises
     ------
     ValueError
-        Where the block is too short or the sample rate is not positive.
+        If the block is too short or the sample rate is not positive.
     """
     require_sample_rate(sample_rate)
     if block_samples < 2:
@@ -33,25 +33,25 @@ def line_frequencies(block_samples: int, sample_rate: float) -> NDArray[np.float
 
 
 def smooth_lines(spectra: ArrayLike, weights: ArrayLike = (1.0, 2.0, 3.0, 2.0, 1.0)) -> NDArray:
-    """Weighted mean of each line with its neighbours.
+    """Return the weighted mean of each line with its neighbours.
 
     Parameters
     ----------
     spectra
-        Shape (lines, ...), real or complex.
+        Spectra, shape (lines, ...), real or complex.
     weights
         Shape (weights): an odd number of positive ones, the middle one for the line itself. At the first and last lines
-        only the neighbours that exist count, so a constant stays what it is.
+        only the existing neighbours count, so a constant is not changed.
 
     Returns
     -------
     numpy.ndarray
-        Same shape and kind as `spectra`.
+        Smoothed spectra, of the shape and kind of `spectra`.
 
     Raises
     ------
     ValueError
-        Where the weights are not an odd number of positive values, or outnumber the lines.
+        If the weights are not an odd number of positive values, or outnumber the lines.
     """
     values = np.asarray(spectra)
     kernel = np.asarray(weights, dtype=np.float64)

@@ -7,46 +7,46 @@ from duralab_spectra.records import as_record
 
 
 def rms(samples: ArrayLike) -> NDArray[np.float64]:
-    """Root mean square of each channel, its mean included.
+    """Return the root mean square of each channel, its mean included.
 
     Parameters
     ----------
     samples
-        Shape (channels, samples).
+        Record, shape (channels, samples).
 
     Returns
     -------
     numpy.ndarray
-        Shape (channels), each in its channel's unit.
+        RMS values, shape (channels), each in its channel's unit.
 
     Raises
     ------
     ValueError
-        Where the record is not allowed.
+        If the record is not allowed.
     """
     record = as_record(samples)
     return np.sqrt(np.mean(record**2, axis=1))
 
 
 def relative_rms_error(target: ArrayLike, response: ArrayLike) -> NDArray[np.float64]:
-    """Relative RMS error of each channel, ``rms(y_d - y) / rms(y_d)``; 0 is perfect, 1 is no response at all.
+    """Return the relative RMS error of each channel, ``rms(y_d - y) / rms(y_d)``; 0 is perfect, 1 is no response.
 
     Parameters
     ----------
     target
-        Shape (channels, samples); no channel zero throughout.
+        Target, shape (channels, samples); no channel zero throughout.
     response
-        Shape (channels, samples).
+        Response, shape (channels, samples).
 
     Returns
     -------
     numpy.ndarray
-        Shape (channels), 0 or more.
+        Errors, shape (channels), 0 or more.
 
     Raises
     ------
     ValueError
-        Where the shapes differ, a value is not finite, or a target channel is zero throughout.
+        If the shapes differ, a value is not finite, or a target channel is zero throughout.
 
     Notes
     -----
@@ -57,14 +57,14 @@ def relative_rms_error(target: ArrayLike, response: ArrayLike) -> NDArray[np.flo
 
 
 def overall_relative_rms_error(target: ArrayLike, response: ArrayLike) -> float:
-    """Relative RMS error over all channels, each scaled by its target's RMS.
+    """Return the relative RMS error over all channels, each scaled by its target's RMS.
 
     Parameters
     ----------
     target
-        Shape (channels, samples); no channel zero throughout.
+        Target, shape (channels, samples); no channel zero throughout.
     response
-        Shape (channels, samples).
+        Response, shape (channels, samples).
 
     Returns
     -------
@@ -74,54 +74,54 @@ def overall_relative_rms_error(target: ArrayLike, response: ArrayLike) -> float:
     Raises
     ------
     ValueError
-        Where the shapes differ, a value is not finite, or a target channel is zero throughout.
+        If the shapes differ, a value is not finite, or a target channel is zero throughout.
     """
     return float(np.sqrt(np.mean(relative_rms_error(target, response) ** 2)))
 
 
 def rms_response(target: ArrayLike, response: ArrayLike) -> NDArray[np.float64]:
-    """RMS of the response over that of the target, ``rms(y) / rms(y_d)``, per channel; 1 is the level wanted.
+    """Return the RMS of the response over that of the target, ``rms(y) / rms(y_d)``, per channel; the goal is 1.
 
     Parameters
     ----------
     target
-        Shape (channels, samples); no channel zero throughout.
+        Target, shape (channels, samples); no channel zero throughout.
     response
-        Shape (channels, samples).
+        Response, shape (channels, samples).
 
     Returns
     -------
     numpy.ndarray
-        Shape (channels), 0 or more.
+        Ratios, shape (channels), 0 or more.
 
     Raises
     ------
     ValueError
-        Where the shapes differ, a value is not finite, or a target channel is zero throughout.
+        If the shapes differ, a value is not finite, or a target channel is zero throughout.
     """
     wanted, measured = _comparable(target, response)
     return rms(measured) / _nonzero_rms(wanted)
 
 
 def peak_ratio(target: ArrayLike, response: ArrayLike) -> NDArray[np.float64]:
-    """Largest magnitude of the response over that of the target, per channel; 1 is the peak wanted.
+    """Return the largest magnitude of the response over that of the target, per channel; the goal is 1.
 
     Parameters
     ----------
     target
-        Shape (channels, samples); no channel zero throughout.
+        Target, shape (channels, samples); no channel zero throughout.
     response
-        Shape (channels, samples).
+        Response, shape (channels, samples).
 
     Returns
     -------
     numpy.ndarray
-        Shape (channels), 0 or more.
+        Ratios, shape (channels), 0 or more.
 
     Raises
     ------
     ValueError
-        Where the shapes differ, a value is not finite, or a target channel is zero throughout.
+        If the shapes differ, a value is not finite, or a target channel is zero throughout.
     """
     wanted, measured = _comparable(target, response)
     _nonzero_rms(wanted)
@@ -129,22 +129,22 @@ def peak_ratio(target: ArrayLike, response: ArrayLike) -> NDArray[np.float64]:
 
 
 def crest_factor(samples: ArrayLike) -> NDArray[np.float64]:
-    """Largest magnitude of each channel over its RMS, mean included: 1 for a square wave, the root of 2 for a sine.
+    """Return the largest magnitude of each channel over its RMS, mean included: 1 for a square wave, √2 for a sine.
 
     Parameters
     ----------
     samples
-        Shape (channels, samples); no channel zero throughout.
+        Record, shape (channels, samples); no channel zero throughout.
 
     Returns
     -------
     numpy.ndarray
-        Shape (channels), 1 or more.
+        Crest factors, shape (channels), 1 or more.
 
     Raises
     ------
     ValueError
-        Where the record is not allowed or a channel is zero throughout.
+        If the record is not allowed or a channel is zero throughout.
     """
     record = as_record(samples)
     level = rms(record)

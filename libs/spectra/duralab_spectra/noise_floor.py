@@ -1,4 +1,4 @@
-"""Noise floor: the differences of repeats of one playback."""
+"""Noise floor from the differences of repeats of one playback."""
 
 from collections.abc import Sequence
 
@@ -9,7 +9,7 @@ from duralab_spectra.records import as_record
 
 
 def noise_floor(repeats: Sequence[ArrayLike]) -> NDArray[np.float64]:
-    """RMS of the noise in each channel, from responses to the same drive.
+    """Return the RMS of the noise in each channel, from responses to the same drive.
 
     Parameters
     ----------
@@ -19,13 +19,14 @@ def noise_floor(repeats: Sequence[ArrayLike]) -> NDArray[np.float64]:
     Returns
     -------
     numpy.ndarray
-        Shape (channels), 0 or more, each in its channel's unit: the expected RMS of what one record differs from the
-        mean of infinitely many. Over the target's RMS it is the relative RMS error that no drive can go below.
+        Noise, shape (channels), 0 or more, each in its channel's unit: the expected RMS of the difference of one record
+        from the mean of infinitely many. Over the target's RMS it is the smallest relative RMS error that a drive can
+        reach.
 
     Raises
     ------
     ValueError
-        Where there are fewer than two repeats, their shapes differ, or a value is not finite.
+        If there are fewer than two repeats, their shapes differ, or a value is not finite.
 
     Notes
     -----

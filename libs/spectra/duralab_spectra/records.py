@@ -10,19 +10,19 @@ def as_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.float6
     Parameters
     ----------
     samples
-        Shape (channels, samples), each row in its channel's unit; finite, not empty.
+        Record, shape (channels, samples), each row in its channel's unit; finite, not empty.
     name
-        What the record is called in an error.
+        Name of the record in an error.
 
     Returns
     -------
     numpy.ndarray
-        Shape (channels, samples); the same memory where nothing had to be converted.
+        Record, shape (channels, samples); the same memory if no conversion was needed.
 
     Raises
     ------
     ValueError
-        Where the shape is not (channels, samples), a value is masked or not finite or a number is not real.
+        If the shape is not (channels, samples), a value is masked or not finite or a number is not real.
     """
     record = shaped_record(samples, name=name)
     _require_finite(record, name)
@@ -35,21 +35,21 @@ def shaped_record(samples: ArrayLike, *, name: str = "samples") -> NDArray[np.fl
     Parameters
     ----------
     samples
-        Shape (channels, samples), not empty.
+        Record, shape (channels, samples), not empty.
     name
-        What the record is called in an error.
+        Name of the record in an error.
 
     Returns
     -------
     numpy.ndarray
-        Shape (channels, samples); the same memory where nothing had to be converted.
+        Record, shape (channels, samples); the same memory if no conversion was needed.
 
     Raises
     ------
     ValueError
-        Where the shape is not (channels, samples), a value is masked or a number is not real.
+        If the shape is not (channels, samples), a value is masked or a number is not real.
     """
-    # numpy drops a mask, and what lies under it is no measurement.
+    # numpy drops a mask, and masked values are no measurements.
     if np.ma.is_masked(samples):
         raise ValueError(f"{name} has {np.ma.count_masked(samples)} masked values; fill them in or leave them out.")
     array = np.asarray(samples)
@@ -84,7 +84,7 @@ def matching_records(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], N
 
 
 def matching_shapes(a: ArrayLike, b: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Check the shapes of two records that were sampled together; their values are not looked at."""
+    """Check the shapes of two records that were sampled together; their values are not checked."""
     return _of_one_length(shaped_record(a, name="a"), shaped_record(b, name="b"))
 
 
@@ -102,12 +102,12 @@ def require_sample_rate(sample_rate: float) -> None:
     Parameters
     ----------
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
 
     Raises
     ------
     ValueError
-        Where it is not.
+        If it is not.
     """
     if not (np.isfinite(sample_rate) and sample_rate > 0.0):
         raise ValueError(f"The sample rate is {sample_rate} Hz; it must be finite and greater than 0.")

@@ -11,20 +11,20 @@ from duralab_spectra.lines import line_frequencies
 from duralab_spectra.records import matching_records, matching_shapes, require_sample_rate
 from duralab_spectra.windows import hann_periodic
 
-# Lines of a Hann-windowed constant: the others hold nothing of it.
+# Lines of a Hann-windowed constant: it does not affect the others.
 _LINES_OF_A_MEAN = 2
-# Their spectra, products and sums fit the second cache together.
+# Number of lines whose spectra, products and sums fit the second cache together.
 _LINES_TOGETHER = 128
 
 
 @dataclass(frozen=True)
 class SpectraEstimate:
-    """Averaged one-sided spectra of two records `a` and `b`; densities, unit of the one times unit of the other per Hz.
+    """Averaged one-sided spectra of two records `a` and `b`; densities, product of both units per Hz.
 
     Parameters
     ----------
     frequency
-        Shape (lines), in hertz.
+        Frequencies of the lines, shape (lines), in hertz.
     s_ab
         Complex, shape (lines, n_a, n_b): ``E[A B^H]``.
     s_bb
@@ -32,11 +32,11 @@ class SpectraEstimate:
     auto_a
         Real, shape (lines, n_a): the diagonal of ``E[A A^H]``.
     blocks
-        Blocks averaged.
+        Number of averaged blocks.
     independent_averages
-        Equivalent independent blocks (Welch's formula).
+        Equivalent number of independent blocks (Welch's formula).
     s_aa
-        Complex, shape (lines, n_a, n_a): ``E[A A^H]``; None where it was not asked for.
+        Complex, shape (lines, n_a, n_a): ``E[A A^H]``; None if it was not requested.
     """
 
     frequency: NDArray[np.float64]
@@ -51,29 +51,29 @@ class SpectraEstimate:
 class CrossSpectra:
     """Running estimate of ``S_ab``, ``S_bb`` and the auto-spectra of `a`, fed piece by piece in bounded memory.
 
-    With `a` the responses and `b` the drives it holds all that H1 and the multiple coherence need, from one pass.
+    With `a` the responses and `b` the drives, one pass gives all data for H1 and the multiple coherence.
 
     Parameters
     ----------
     n_a, n_b
-        Channels of the two records, 1 or more.
+        Numbers of channels of the two records, 1 or more.
     block_samples
-        Samples in a block, even, 2 or more; windowed with the periodic Hann window. Nothing is detrended.
+        Number of samples in a block, even, 2 or more; windowed with the periodic Hann window, without detrending.
     overlap
         Share of a block that its successor repeats, 0 up to but not including 1.
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
     full
-        Whether all of ``S_aa`` is averaged, not its diagonal alone: H2 and total least squares need it.
+        Whether all of ``S_aa`` is averaged, not only its diagonal: H2 and total least squares need it.
     without_mean
-        Whether each channel's mean over all samples comes off; the estimate is as if it had come off before.
+        Whether each channel's mean over all samples is removed; the estimate is as if it had been removed before.
     chosen
-        Lines that are averaged, one or more next to each other; all where not given. Not together with `without_mean`.
+        Range of one or more averaged lines; all if omitted. Not together with `without_mean`.
 
     Raises
     ------
     ValueError
-        Where a parameter is not allowed.
+        If a parameter is not allowed.
     """
 
     def __init__(
@@ -115,49 +115,49 @@ class CrossSpectra:
 
     @property
     def blocks(self) -> int:
-        """Blocks averaged so far."""
+        """Number of blocks averaged so far."""
         return self._blocks
 
     def add(self, a: ArrayLike, b: ArrayLike) -> None:
-        """Add the next samples of both records; what does not fill a block waits for the next call.
+        """Add the next samples of both records; samples that do not fill a block wait for the next call.
 
         Parameters
         ----------
         a
-            Shape (n_a, samples).
+            Record `a`, shape (n_a, samples).
         b
-            Shape (n_b, samples), sampled at the same instants.
+            Record `b`, shape (n_b, samples), sampled at the same instants.
 
         Raises
         ------
         ValueError
-            Where the shapes do not agree or a value is not finite: whole blocks before it may have been added then, and
-            what comes next follows on nothing.
+            If the shapes do not agree or a value is not finite. Whole blocks before that value may have been added; the
+            next samples then do not continue the previous ones.
         """
         first, second = matching_shapes(a, b)
         try:
             self.add_checked(first, second)
         except NotFiniteError:
             self.end_stretch()
-            matching_records(first, second)  # says which value
+            matching_records(first, second)  # its error states which value
             raise
 
     def add_checked(self, first: NDArray[np.float64], second: NDArray[np.float64]) -> None:
-        """Add the next samples of two records that `as_record` has checked: they are not looked through again.
+        """Add the next samples of two records that `as_record` has checked: their values are not checked again.
 
         Parameters
         ----------
         first
-            Shape (n_a, samples), finite.
+            Record `a`, shape (n_a, samples), finite.
         second
-            Shape (n_b, samples), finite, sampled at the same instants.
+            Record `b`, shape (n_b, samples), finite, sampled at the same instants.
 
         Raises
         ------
         ValueError
-            Where the channels are not those that the estimate was made for.
+            If the channels are not those of the estimate.
         NotFiniteError
-            Where a value is not finite after all.
+            If a value is not finite after all.
         """
         expected = (self._n_a, self._tail.shape[0] - self._n_a)
         if (first.shape[0], second.shape[0]) != expected:
@@ -175,7 +175,7 @@ class CrossSpectra:
         waiting = self._tail.shape[1]
         skip = 0
         if waiting:
-            # The blocks that begin among the samples that waited; all later ones are cut from the record in place.
+            # Blocks that begin in the waiting samples; all later ones are views of the new records.
             reach = min(first.shape[1], self._block_samples - 1)
             joined = np.concatenate((self._tail, np.concatenate((first[:, :reach], second[:, :reach]))), axis=1)
             taken = self._take(joined[: self._n_a], joined[self._n_a :]) * self._hop
@@ -188,7 +188,7 @@ class CrossSpectra:
         self._wait_with(np.concatenate((rest_a[:, taken:], rest_b[:, taken:])))
 
     def end_stretch(self) -> None:
-        """Forget what does not fill a block: the next samples do not follow on those before."""
+        """Discard samples that do not fill a block: the next samples do not continue the previous ones."""
         self._independent += self._independent_of_stretch()
         self._stretch_blocks = 0
         self._tail = self._tail[:, :0]
@@ -199,12 +199,12 @@ class CrossSpectra:
         Returns
         -------
         SpectraEstimate
-            Owns its arrays; later calls of `add` do not change it.
+            Estimate with its own arrays; later calls of `add` do not change it.
 
         Raises
         ------
         ValueError
-            Where not one block is complete.
+            If no block is complete.
         """
         if self._blocks == 0:
             raise ValueError(
@@ -223,7 +223,7 @@ class CrossSpectra:
         )
 
     def _densities(self, scale: NDArray[np.float64], rows: slice, columns: slice) -> NDArray[np.complex128]:
-        """Return the averages of some channels with others; columns of `a` only where they are averaged."""
+        """Return the averages of some channels with others; columns of `a` only if they are averaged."""
         channels = self._tail.shape[0]
         first = 0 if self._full else self._n_a
         kept = slice(columns.indices(channels)[0] - first, columns.indices(channels)[1] - first)
@@ -267,7 +267,7 @@ class CrossSpectra:
         self._tail = tail
 
     def _products_of_mean(self) -> NDArray[np.complex128]:
-        """Return what the means ``m`` add: ``XX^H - (X - mW)(X - mW)^H = X (mW)^H + mW X^H - mW (mW)^H``."""
+        """Return the contribution of the means ``m``: ``XX^H - (X - mW)(X - mW)^H = X (mW)^H + mW X^H - mW (mW)^H``."""
         low = self._lowest_lines.shape[0]
         constant = np.fft.rfft(self._window)[:low, None] * (self._sums / max(self._samples, 1))
         mixed = self._lowest_lines[:, :, None] * constant[:, None, :].conj()

@@ -1,4 +1,4 @@
-"""The static part of a record that a band does not hold: the straight line from its level at the start to its end."""
+"""Static part of a record, outside the band: the straight line from its level at the start to that at its end."""
 
 from typing import Final
 
@@ -7,31 +7,31 @@ from numpy.typing import ArrayLike, NDArray
 
 from duralab_spectra.records import as_record, require_sample_rate
 
-# The level at an end of a record is averaged over this many periods of the band's lower edge, against sensor noise.
+# Number of periods of the band's lower edge over which the level at an end is averaged, against sensor noise.
 _END_PERIODS: Final = 0.05
 
 
 def static_levels(samples: ArrayLike, *, lowest: float, sample_rate: float) -> NDArray[np.float64]:
-    """Return the levels at start and end between which a record's static part lies.
+    """Return the levels at start and end of a record, which define its static part.
 
     Parameters
     ----------
     samples
-        Shape (channels, samples).
+        Record, shape (channels, samples).
     lowest
         Lower edge of the band, in hertz, greater than 0.
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
 
     Returns
     -------
     numpy.ndarray
-        Shape (channels, 2), in the record's units.
+        Levels, shape (channels, 2), in the record's units.
 
     Raises
     ------
     ValueError
-        Where the samples are no record, or the edge or the sample rate is not greater than 0.
+        If the samples are not a record, or the edge or the sample rate is not greater than 0.
     """
     values = as_record(samples)
     require_sample_rate(sample_rate)
@@ -48,28 +48,28 @@ def static_levels(samples: ArrayLike, *, lowest: float, sample_rate: float) -> N
 def dynamic_part(samples: ArrayLike, *, lowest: float, sample_rate: float) -> NDArray[np.float64]:
     """Return a record without its static part, not limited to the band.
 
-    The band holds no static part, but a level that jumps to the zeros around the record, or from its end to its start,
-    would ring into the band. The mean would do so too: a damper moves the mean of a rough ride away from the rest
-    around it, and a drift leaves as much at both ends.
+    The band holds no static part, but a step from a level to the zeros around the record, or from its end to its start,
+    would ring into the band. Removing the mean would not prevent that: a damper moves the mean of a rough ride away
+    from the rest around it, and a drift leaves as much at both ends.
 
     Parameters
     ----------
     samples
-        Shape (channels, samples); the static part is between its levels at start and end.
+        Record, shape (channels, samples); the static part is between its levels at start and end.
     lowest
         Lower edge of the band, in hertz, greater than 0.
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
 
     Returns
     -------
     numpy.ndarray
-        Shape (channels, samples), in the record's units.
+        Dynamic part, shape (channels, samples), in the record's units.
 
     Raises
     ------
     ValueError
-        Where the samples are no record, or the edge or the sample rate is not greater than 0.
+        If the samples are not a record, or the edge or the sample rate is not greater than 0.
     """
     values = as_record(samples)
     start, end = static_levels(values, lowest=lowest, sample_rate=sample_rate).T

@@ -1,4 +1,4 @@
-"""Fewer points for a drawn curve, every peak kept."""
+"""Thinning of a drawn curve: fewer points, every peak kept."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ def piece_extremes(values: np.ndarray, length: int) -> np.ndarray:
     values : np.ndarray, shape (points)
         Ordinates in any unit; at least 1.
     length : int
-        Points of a piece, 1 or more; the last piece has what is left.
+        Number of points of a piece, 1 or more; the last piece has the rest.
 
     Returns
     -------
@@ -38,7 +38,7 @@ def drawn_points(values: np.ndarray, length: int) -> np.ndarray:
     values : np.ndarray, shape (points)
         Ordinates in any unit; at least 1.
     length : int
-        Points of a piece, 1 or more; pieces of 1 or 2 points keep all.
+        Number of points of a piece, 1 or more; pieces of 1 or 2 points keep all.
 
     Returns
     -------
@@ -48,5 +48,5 @@ def drawn_points(values: np.ndarray, length: int) -> np.ndarray:
     if length <= 2 or values.size <= length:
         return np.arange(values.size)
     indices = np.concatenate([[0], np.sort(piece_extremes(values, length), axis=1).ravel(), [values.size - 1]])
-    # Ascending already: only neighbours can be the same.
+    # Ascending already: only neighbours can be equal.
     return indices[np.diff(indices, prepend=-1) > 0]

@@ -1,4 +1,4 @@
-"""Welch spectra of whole records: periodic Hann window, nothing detrended."""
+"""Welch spectra of whole records: periodic Hann window, no detrending."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,20 +12,20 @@ from duralab_spectra.windows import hann_periodic
 def cross_spectra(
     a: ArrayLike, b: ArrayLike, *, block_samples: int, overlap: float, sample_rate: float
 ) -> NDArray[np.complex128]:
-    """Cross-spectrum matrix ``S_ab = E[A B^H]`` by Welch's method: periodic Hann window, nothing detrended.
+    """Return the cross-spectrum matrix ``S_ab = E[A B^H]`` by Welch's method: periodic Hann window, no detrending.
 
     Parameters
     ----------
     a
-        Shape (n_a, samples).
+        Record `a`, shape (n_a, samples).
     b
-        Shape (n_b, samples), sampled at the same instants.
+        Record `b`, shape (n_b, samples), sampled at the same instants.
     block_samples
-        Samples in a block, even, 2 or more.
+        Number of samples in a block, even, 2 or more.
     overlap
         Share of a block that its successor repeats, 0 up to but not including 1.
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
 
     Returns
     -------
@@ -36,7 +36,7 @@ def cross_spectra(
     Raises
     ------
     ValueError
-        Where the records do not agree, are shorter than a block, or a parameter is not allowed.
+        If the records do not agree, are shorter than a block, or a parameter is not allowed.
 
     Notes
     -----
@@ -54,30 +54,30 @@ def cross_spectra(
 def paired_spectra(
     a: ArrayLike, b: ArrayLike, *, block_samples: int, overlap: float, sample_rate: float
 ) -> NDArray[np.complex128]:
-    """Cross-spectra of matching channels only: the diagonal of `cross_spectra`, without the rest.
+    """Return the cross-spectra of matching channels only: the diagonal of `cross_spectra`.
 
     Parameters
     ----------
     a
-        Shape (channels, samples).
+        Record `a`, shape (channels, samples).
     b
-        Shape (channels, samples), sampled at the same instants.
+        Record `b`, shape (channels, samples), sampled at the same instants.
     block_samples
-        Samples in a block, even, 2 or more.
+        Number of samples in a block, even, 2 or more.
     overlap
         Share of a block that its successor repeats, 0 up to but not including 1.
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
 
     Returns
     -------
     numpy.ndarray
-        Complex, shape (lines, channels): ``E[A_i conj(B_i)]``, one-sided density. Real where `a` is `b`.
+        Complex, shape (lines, channels): ``E[A_i conj(B_i)]``, one-sided density. Real if `a` is `b`.
 
     Raises
     ------
     ValueError
-        Where the records do not agree, are shorter than a block, or a parameter is not allowed.
+        If the records do not agree, are shorter than a block, or a parameter is not allowed.
     """
     first, second = matching_records(a, b)
     if first.shape[0] != second.shape[0]:
@@ -93,18 +93,18 @@ def paired_spectra(
 
 
 def auto_spectra(a: ArrayLike, *, block_samples: int, overlap: float, sample_rate: float) -> NDArray[np.float64]:
-    """Power spectral density of each channel by Welch's method: periodic Hann window, nothing detrended.
+    """Return the power spectral density of each channel by Welch's method: periodic Hann window, no detrending.
 
     Parameters
     ----------
     a
-        Shape (channels, samples).
+        Record, shape (channels, samples).
     block_samples
-        Samples in a block, even, 2 or more.
+        Number of samples in a block, even, 2 or more.
     overlap
         Share of a block that its successor repeats, 0 up to but not including 1.
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
 
     Returns
     -------
@@ -114,7 +114,7 @@ def auto_spectra(a: ArrayLike, *, block_samples: int, overlap: float, sample_rat
     Raises
     ------
     ValueError
-        Where the record is shorter than a block or a parameter is not allowed.
+        If the record is shorter than a block or a parameter is not allowed.
     """
     record = as_record(a, name="a")
     window, hop, blocks = _blocking(record.shape[1], block_samples, overlap, sample_rate)

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 
 
 def hann_periodic(samples: int) -> NDArray[np.float64]:
-    """Periodic Hann window: the one whose half-overlapped copies add up to a constant.
+    """Return the periodic Hann window, whose half-overlapped copies add up to a constant.
 
     Parameters
     ----------
@@ -20,7 +20,7 @@ def hann_periodic(samples: int) -> NDArray[np.float64]:
     Raises
     ------
     ValueError
-        Where the block is shorter than 2 samples.
+        If the block is shorter than 2 samples.
     """
     if samples < 2:
         raise ValueError(f"A Hann window of {samples} samples was asked for; it needs 2 or more.")

@@ -1,4 +1,4 @@
-"""A rig behind a controller that exchanges files: a drive is written, its response waited for and read."""
+"""A rig behind a controller that exchanges files: a drive is written, its response is awaited and read."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _POLL_SECONDS = 0.25
 
 
 class FileRig(PlaybackRig):
-    """The rig of a controller map; nothing moves from here."""
+    """The rig of a controller map; this process moves nothing itself."""
 
     watchdogs = ()
 
@@ -30,7 +30,7 @@ class FileRig(PlaybackRig):
         self.is_leaving = False
         self.stopped = threading.Event()
         controller_map = outbox.map
-        # A drive may begin away from zero: the file, or the controller, leads to it.
+        # A drive may begin away from zero: the file, or the controller, ramps to it.
         self.approach = Approach(ramp=controller_map.lead_seconds)
         self._description = complete_description(
             rig_pb2.RigDescription(
@@ -43,13 +43,13 @@ class FileRig(PlaybackRig):
                 responses=[each.to_message() for each in controller_map.responses],
                 longest_drive_seconds=controller_map.longest_drive,
                 publishes_after_run=True,
-                # Of all that the map says but where the files lie: another offset is another rig.
+                # Hash of the whole map except the folder of the files: another offset is another rig.
                 content_hash=hashlib.sha256(repr(replace(controller_map, exchange=Path())).encode()).hexdigest(),
             )
         )
 
     def describe(self) -> rig_pb2.RigDescription:
-        """Return what the rig is."""
+        """Return the description of the rig."""
         return self._description
 
     def playback(self, drive: np.ndarray, run: Run) -> DrivePlayback:
@@ -59,21 +59,21 @@ class FileRig(PlaybackRig):
         return _FilePlayback(self, drive, run, self._description)
 
     def stop(self, reason: str) -> None:
-        """Hear that what waits ends, and not only its commander."""
+        """End the waiting of a run, not only the request of its commander."""
         self.stopped.set()
 
     def reset(self) -> None:
-        """Make ready for another run."""
+        """Prepare for another run."""
         self.stopped.clear()
 
     def leave(self) -> None:
-        """Let what waits wait for the next process."""
+        """Leave a waiting order for the next process."""
         self.is_leaving = True
 
     def order_of(self, run: Run, drive: np.ndarray) -> Order:
-        """Return the order of a run: the one that waits, one that was answered in vain, or a new one.
+        """Return the order of a run: a waiting one, one whose answer was lost, or a new one.
 
-        A commander that lost an answer asks with the same drive and seed, and the same name or the next one.
+        A commander that lost an answer sends the same drive and seed, with the same name or the next one.
         """
         digest, order = drive_hash(drive), self.outbox.waiting()
         if order is not None:
@@ -97,7 +97,7 @@ class FileRig(PlaybackRig):
 
 
 class _FilePlayback(DrivePlayback):
-    """A drive that is played elsewhere: all of its response comes at once."""
+    """A drive that is played elsewhere: its whole response arrives at once."""
 
     is_paced = False
 
@@ -117,7 +117,7 @@ class _FilePlayback(DrivePlayback):
 
     @property
     def rests_at_zero(self) -> bool:
-        """True: the file, or the controller, leads back."""
+        """True, because the file or the controller ramps back."""
         return True
 
     def approach(self) -> Iterator[Block]:
@@ -130,17 +130,17 @@ class _FilePlayback(DrivePlayback):
         yield from ()
 
     def ramp_down(self) -> Iterator[Block]:
-        """Move nothing: the run is over at the controller."""
+        """Move nothing: the run has ended at the controller."""
         self._end("a level was crossed, or it was stopped while its blocks were published")
         yield from ()
 
     def uses(self) -> list[Use]:
-        """Return the peak of every drive: what its actuator did is not known here."""
+        """Return the peak of every drive: the use of its actuator is not known here."""
         ratios = zip(self._channels, self.peak_ratios(), strict=True)
         return [Use(channel.name, ratio, 0.0, 0.0) for channel, ratio in ratios]
 
     def complete(self, result: rig_pb2.PlayResult) -> None:
-        """Say how the response was aligned; from here on nothing waits."""
+        """Add the alignment of the response; afterwards nothing waits."""
         accepted = self._accepted
         if accepted is None:
             raise AssertionError("an answer without a response")
@@ -167,7 +167,7 @@ class _FilePlayback(DrivePlayback):
         )
 
     def _wait(self) -> AcceptedResponse:
-        """Return the response once one is accepted; raises RunEndedError where it does not come."""
+        """Return the accepted response; raises RunEndedError if it does not arrive."""
         rig, drive = self._rig, self._drive
         order = self._order = rig.order_of(self._run, drive)
         if order.ended:

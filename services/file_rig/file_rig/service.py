@@ -18,13 +18,13 @@ from file_rig.file_rig import FileRig
 class FileRigConfig(GatewayConfig):
     """Configuration of a process that serves rigs behind controllers that exchange files."""
 
-    #: Controller maps, YAML; sensors and calculated channels stand in the map, or here under `channels`.
+    #: Controller maps, YAML; sensors and calculated channels are in the map, or here under `channels`.
     maps: tuple[Path, ...] = Field(min_length=1)
 
 
 @contextmanager
 def serve(bus: Bus, config: FileRigConfig) -> Iterator[list[RigServer]]:
-    """Serve the rig of every map, each declared live, until the block ends; what waits then, waits on."""
+    """Serve the rig of every map, each declared live, until the block ends; waiting orders stay for the next one."""
     log = structlog.get_logger(SERVICE)
     spools = open_spools(bus, config)
     servers: list[RigServer] = []
@@ -39,10 +39,10 @@ def serve(bus: Bus, config: FileRigConfig) -> Iterator[list[RigServer]]:
                 channels = config.channels.get(each.rig) or each.channels
                 server = RigServer(bus, rig, spools, spool_wait_seconds=config.spool_wait_seconds, channels=channels)
                 stack.callback(server.close)
-                # Before it: the end of this process is no stop of what waits.
+                # Before the servers close: the end of this process must not stop waiting orders.
                 stack.callback(rig.leave)
                 servers.append(server)
-                # Last: whoever sees a rig may ask it.
+                # Last: a client that sees a rig may query it.
                 bus.declare_live(SERVICE, each.rig)
         except DriveFileError as error:
             raise ConfigError(f"maps: {error}") from error

@@ -1,8 +1,8 @@
 """Identification of a rig: excitations, estimators, uncertainty; a pure core and a service around it.
 
-Core: `design_experiment` makes drives and says where their captures lie, `estimate` makes an FRF matrix of drive and
-response, `separate_distortion` tells noise and nonlinearity apart, `predict_convergence` says what an iteration with it
-will do. The service (`python -m identifier --config FILE`) plays on a rig of the bus and answers a model.
+Core: `design_experiment` makes drives and the positions of their captures, `estimate` makes an FRF matrix of drive and
+response, `separate_distortion` separates noise and nonlinearity, `predict_convergence` predicts an iteration with it.
+The service (`python -m identifier --config FILE`) plays on a rig of the bus and answers with a model.
 """
 
 from identifier.estimators import (

@@ -14,7 +14,7 @@ def _build(config: IdentifierConfig) -> Callable[[Bus], None]:
 
 
 HOSTED = HostedService(SERVICE, IdentifierConfig, _build)
-"""The service as one of several in a process."""
+"""The identifier as one of several services in a process."""
 
 if __name__ == "__main__":
     service_main(HOSTED.name, HOSTED.config_type, HOSTED.build, needs_later=("scipy.interpolate",))

@@ -15,25 +15,25 @@ class Window(Enum):
     HANN = "hann"
     """For excitations that continue over the block's edges; blocks may overlap."""
     NONE = "none"
-    """For blocks that are periodic, or that begin and end at rest: nothing leaks, and a window would only blur."""
+    """For blocks that are periodic, or that begin and end at rest: they do not leak, and a window would only blur."""
 
 
 @dataclass(frozen=True)
 class Capture:
-    """One uninterrupted stretch of a record that is used.
+    """One uninterrupted used part of a record.
 
     Two captures of the same realisation and experiment are repeats: the same drive, played again.
 
     Parameters
     ----------
     start
-        First sample used, 0 or more.
+        First used sample, 0 or more.
     periods
-        Whole blocks in it, in a row, 1 or more; under a Hann window the blocks that fit without overlap.
+        Number of successive whole blocks, 1 or more; under a Hann window the blocks that fit without overlap.
     realisation
-        Which independent draw of phases or noise, 0 or more.
+        Index of the independent draw of phases or noise, 0 or more.
     experiment
-        Which column of the decorrelation matrix within the realisation, 0 or more.
+        Column of the decorrelation matrix within the realisation, 0 or more.
 
     Raises
     ------
@@ -56,39 +56,39 @@ class Capture:
 
 @dataclass(frozen=True)
 class Layout:
-    """Layout of a drive for the estimator: everything but its samples.
+    """Layout of a drive for the estimator: all data except its samples.
 
     Parameters
     ----------
     samples
-        Of the whole drive, fades included.
+        Number of samples of the whole drive, including fades.
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
     block_samples
-        Samples in a block, even, 2 or more; of a periodic excitation its period.
+        Number of samples in a block, even, 2 or more; of a periodic excitation its period.
     fade_samples
-        Of each linear fade, 0 or more; never inside a capture.
+        Number of samples of each linear fade, 0 or more; never inside a capture.
     overlap
         Share of a block that its successor repeats, 0 up to but not including 1; 0 without a window.
     periodic
         Whether the drive repeats itself every block within a capture.
     delay_blocks
-        Periods played and dropped before each capture, 0 or more.
+        Number of periods played and dropped before each capture, 0 or more.
     captures
-        In order of time, not overlapping, one or more.
+        Captures in order of time, not overlapping, one or more.
     lowest, highest
         Band, in hertz, both included.
     excited
-        Shape (block_samples // 2 + 1): the lines on which every drive has power.
+        Shape (block_samples // 2 + 1): lines on which every drive has power.
     detection
-        Same shape: the lines of the band that were left out on purpose, to see distortion there.
+        Same shape: lines of the band that are left out on purpose, to detect distortion there.
     window
-        `Window.NONE` where the excitation is periodic.
+        Window of the blocks; `Window.NONE` if the excitation is periodic.
 
     Raises
     ------
     ValueError
-        Where the values contradict each other.
+        The values contradict each other.
     """
 
     samples: int
@@ -116,7 +116,7 @@ class Layout:
         return line_frequencies(self.block_samples, self.sample_rate)
 
     def samples_of(self, capture: Capture) -> int:
-        """Count the samples of a capture.
+        """Return the number of samples of a capture.
 
         Parameters
         ----------
@@ -126,7 +126,7 @@ class Layout:
         Returns
         -------
         int
-            Its whole blocks without a window; under a Hann window everything to the next capture or to the last fade.
+            Its whole blocks without a window; under a Hann window all samples to the next capture or to the last fade.
         """
         if self.window is Window.NONE:
             return capture.periods * self.block_samples

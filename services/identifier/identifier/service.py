@@ -1,4 +1,4 @@
-"""The identifier on the bus: queries in, models and faults out."""
+"""Identifier on the bus: answers queries with models and faults."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -58,7 +58,7 @@ _PLAYING_FROM, _PLAYING_TO = 0.02, 0.95
 class IdentifierConfig(ServiceConfig):
     """Configuration of the identifier."""
 
-    # Models that identifier/model/<id> can answer; a model of six drives and 2049 lines takes 3.4 MB.
+    # Number of models for identifier/model/<id>; a model of six drives and 2049 lines takes 3.4 MB.
     kept_models: int = Field(default=32, ge=1, le=10_000)
 
 
@@ -74,7 +74,7 @@ class _Prepared:
 class IdentifierService:
     """Serves everything under identifier/.
 
-    `bus`: Open. `config`: Of the service.
+    `bus`: Open bus. `config`: Configuration of the service.
     """
 
     def __init__(self, bus: Bus, config: IdentifierConfig) -> None:
@@ -108,12 +108,12 @@ class IdentifierService:
         return self._identified(request, prepared, call, progress=(_PLAYING_FROM, _PLAYING_TO))
 
     def plan(self, request: identifier_pb2.PlanRequest, call: Call) -> identifier_pb2.ExperimentPlan:
-        """Answer what an experiment takes and gives; nothing moves."""
+        """Answer with duration and results of an experiment, without a motion."""
         with _within("identify"):
             return self._plan_of(self._prepare(request.identify, call))
 
     def levels(self, request: identifier_pb2.LevelsRequest, call: Call) -> identifier_pb2.LevelsResult:
-        """Run one experiment at several levels and answer what changes."""
+        """Run one experiment at several levels and answer with the differences."""
         call.require_rig(request.identify.rig, field="identify.rig")
         with _invalid():
             series = level_series(request)
@@ -133,19 +133,19 @@ class IdentifierService:
         return self._held(id_of(call.key))
 
     def prediction(self, request: identifier_pb2.PredictRequest, call: Call) -> identifier_pb2.Prediction:
-        """Answer what a model expects of a drive."""
+        """Answer with the predicted response of a model to a drive."""
         with _invalid():
             return predict(self._held_model(id_of(call.key)), request)
 
     def convergence(self, request: identifier_pb2.ConvergenceRequest, call: Call) -> identifier_pb2.Convergence:
-        """Answer how fast Time Waveform Replication with a model converges."""
+        """Answer with the convergence of Time Waveform Replication with a model."""
         rig = self._held_model(request.rig_model_id, field="rig_model_id") if request.rig_model_id else None
         call.progress("judging the convergence", 0.0)
         with _invalid():
             return converge(self._held_model(id_of(call.key)), request, rig=rig)
 
     def advice(self, request: identifier_pb2.AdviceRequest, call: Call) -> identifier_pb2.LevelAdvice:
-        """Answer which drive levels give responses like a target's."""
+        """Answer with the drive levels whose responses are like a target's."""
         if not request.model_id:
             raise FaultError(
                 query_pb2.FAULT_CODE_INVALID_ARGUMENT,
@@ -200,12 +200,12 @@ class IdentifierService:
         *,
         at: float,
     ) -> identifier_pb2.Model:
-        """Return the model of what was played, and keep it."""
+        """Return the model of a playback, and cache it."""
         rig, layout, drive = prepared.rig, prepared.experiment.layout, prepared.experiment.drive
         call.progress("estimating the FRF", at)
         excitation = prepared.settings.excitation
         static = measured_static_gain(drive, response, excitation, sample_rate=layout.sample_rate)
-        # The holds lie behind the record of the FRF.
+        # The holds follow the record of the FRF.
         drive, response = drive[:, : layout.samples], response[:, : layout.samples]
         try:
             estimate, mapped, drive_map = self._estimated(prepared, drive, response, call, at=at)
@@ -246,7 +246,7 @@ class IdentifierService:
         *,
         at: float,
     ) -> tuple[FrfEstimate, NDArray[np.float64], identifier_pb2.DriveMap | None]:
-        """Return the estimate, the drives that it is made from, and their map where one is asked for."""
+        """Return the estimate, its drives, and their map if one is requested."""
         settings, layout = prepared.settings, prepared.experiment.layout
 
         def estimate_on(played: NDArray[np.float64]) -> FrfEstimate:
@@ -283,7 +283,7 @@ class IdentifierService:
 
 @contextmanager
 def _invalid() -> Iterator[None]:
-    """Make a fault of a setting that is not allowed."""
+    """Convert an error of a setting to a fault."""
     try:
         yield
     except SettingsError as error:
@@ -292,7 +292,7 @@ def _invalid() -> Iterator[None]:
 
 @contextmanager
 def _within(field: str) -> Iterator[None]:
-    """Name the field of a request that holds the one a fault is about."""
+    """Add the field of a request that holds the faulty message to a fault."""
     try:
         yield
     except FaultError as fault:

@@ -4,12 +4,12 @@ from duralab_bus import HostedService, keep_few_arenas, service_main
 from iterator.service import SERVICE, IteratorConfig, IteratorService
 
 HOSTED = HostedService(SERVICE, IteratorConfig, lambda _: IteratorService)
-"""The service as one of several in a process."""
+"""The iterator as one of several services in a process."""
 
 if __name__ == "__main__":
-    # Every campaign has its own thread, and holds its records there.
+    # Every campaign has its own thread, which holds its records.
     keep_few_arenas(2)
-    # Half a second and more of imports, which the first damage would wait for.
+    # These imports take half a second or more, which would delay the first damage figures.
     service_main(
         HOSTED.name,
         HOSTED.config_type,

@@ -1,4 +1,4 @@
-"""The iteration itself: update, play, judge, until a stop criterion says so; any Python function can be the rig."""
+"""Iteration loop: update, play, judge, until a stop criterion is fulfilled; any Python function can be the rig."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ from iterator.playbacks import (
 from iterator.updates import NextDrive, Update, chosen_update, own_update, whole_model
 
 Play = Callable[[NDArray[np.float64]], ArrayLike]
-"""Plays a drive, shape (n_u, samples), and returns the measured response, shape (n_y, samples)."""
+"""Function that plays a drive, shape (n_u, samples), and returns the measured response, shape (n_y, samples)."""
 
 
 def iterate(
@@ -63,68 +63,68 @@ def iterate(
     decide: Decide | None = None,
     known: KnownBefore = NOTHING_KNOWN,
 ) -> Iterator[Iteration]:
-    """Iterate from `U_0 = 0`, one playback for each value yielded.
+    """Iterate from `U_0 = 0`, one playback for each yielded value.
 
-    The next drive is made only when the next value is asked for, so that a caller can store one step before the next.
+    The next drive is made only when the next value is requested, so that a caller can store one step before the next.
 
     Parameters
     ----------
     play : callable
-        The rig.
+        Function that plays a drive on the rig.
     target_in_band : array_like, shape (n_y, samples)
-        From `ControlBand.limit_target`, any length.
+        Target from `ControlBand.limit_target`, any length.
     model : RigModel
-        As identified, with a drive map from mapped drives to responses. A response of weight 0 is watched: neither its
-        target nor what is measured there matters.
+        Identified model; with a drive map, from mapped drives to responses. A response of weight 0 is monitored:
+        neither its target nor its measured values have an effect.
     settings : CampaignSettings
-        How and how long.
+        Settings of the updates and the end.
     limits : DriveLimits, optional
-        Of the rig; not checked where not given.
+        Drive limits of the rig; not checked if not given.
     recorded : sequence of RecordedPlayback
-        The first playbacks, where they were made before: they are gone through again and not played, so that what
-        follows is what would have followed then. Only after the last of them it may end.
+        First playbacks, if they were made before: they are processed again but not played, so that the iteration
+        continues as it would have then. It ends at the last of them at the earliest.
     update : callable, optional
-        `(history, model, settings) -> NextDrive`, used instead of the update of `settings.update.kind`. It sees the
+        `(history, model, settings) -> NextDrive`, used instead of the update of `settings.update.kind`. It gets the
         controlled responses only, each playback divided by its level, and cannot write to the history. A function that
-        steps from `step_start` honours the acceptance of its settings. Its drives are mapped ones where there is a map.
+        steps from `step_start` applies the acceptance of its settings. With a map its drives are mapped ones.
     drive_map : DriveMap or MapFromFirstPlayback, optional
         Change of drive coordinates `v = T(u)`: the update works on `v`, and `u = T⁻¹(v)` is played. Limits hold for
-        `u`, drive after drive: each follows what the limits leave of those that it depends on. Without a map, or
+        `u`, drive after drive: each follows the limited drives that it depends on. Without a map, or
         with the identity, the update works on the drives themselves.
     identification_damage : ndarray, shape (n_y, exponents), optional
-        Damage spent by the identification, in passes of the target: it counts for the damage budget. Not a number for a
-        response without a target.
+        Damage spent by the identification, in passes of the target, counted in the damage budget. NaN for a response
+        without a target.
     target_damage : ndarray, shape (n_y, exponents), optional
-        Pseudo-damage of one pass of the target as measured; that of the target in the band where not given.
+        Pseudo-damage of one pass of the target as measured; that of the target in the band if not given.
     on_forecast : callable, optional
-        Called before each playback with what is predicted of it.
+        Called before each playback with its forecast.
     decide : callable, optional
         Called before each playback with its number and the `ProposedPlayback` until it returns None; then the drive is
-        played. Where it returns a `Revision`, the drive is made again with other settings or from an earlier playback.
-        Of a recorded playback nothing is proposed: what was revised before it is returned once more. A drive that
-        cannot be made is proposed as refused; its error is raised where it is not revised.
+        played. If it returns a `Revision`, the drive is made again with other settings or from an earlier playback.
+        A recorded playback has no proposal: its earlier revisions are returned again. A drive that cannot be made is
+        proposed as refused; its error is raised if there is no revision.
     known : KnownBefore, optional
-        Playbacks of earlier campaigns on the same rig, and a drive to begin with.
+        Playbacks of earlier campaigns on the same rig, and a first drive.
 
     Yields
     ------
     Iteration
-        After each playback, also the recorded ones; the last one carries the outcome.
+        Result of each playback, also of the recorded ones; the last one has the outcome.
 
     Raises
     ------
     DriveLimitError
-        A next drive would pass a limit and the policy is to refuse it; it is not played.
+        A next drive exceeds a limit and the policy is to refuse it; it is not played.
     DriveOverrunError
-        The first drive would pass a limit by more than is projected; it is not played.
+        The first drive exceeds a limit by more than is projected; it is not played.
     PlaybackBoundError
-        The response that the model predicts of a drive passes a bound of a playback; it is not played.
+        The predicted response to a drive exceeds a bound of a playback; it is not played.
     TypeError
         `update` is not a function, or does not return a `NextDrive`.
     ValueError
-        The response played back is not as long as the drive, not finite or of other channels, or the update refuses, or
-        the drive that `update` returns is not finite or of another shape, or the drive map is of another rig, unit or
-        sample rate, or the limits of a drive that it moves do not hold 0.
+        The response is not as long as the drive, not finite or of other channels; or the update refuses; or the drive
+        of `update` is not finite or of another shape; or the drive map is of another rig, unit or sample rate; or the
+        limits of a drive that it moves do not include 0.
     """
     to_learn = drive_map if isinstance(drive_map, MapFromFirstPlayback) else None
     start_map = drive_map.start if isinstance(drive_map, MapFromFirstPlayback) else drive_map
@@ -145,7 +145,7 @@ def iterate(
             made = _decided(line, own, decide, number=number, level=level, limits=limits)
             if on_forecast is not None:
                 on_forecast(made.forecast)
-            # Copies: a rig in a notebook may work in its drive's memory, and answer from the same memory every time.
+            # Copies: a rig in a notebook may modify its drive, and return the same array every time.
             response = as_record(play(made.drive.copy()), name="response").copy()
         basis, drive, mapped, used = line.basis, made.drive, made.mapped, line.drive_map if made.with_map else None
         if metrics and not basis.judges_as(judged_by):
@@ -218,7 +218,7 @@ def iterate(
 
 @dataclass(frozen=True, eq=False)
 class _MadeDrive:
-    """A drive that is ready to be played, and what it was made with."""
+    """A playable drive, and the data that it was made with."""
 
     drive: NDArray[np.float64]
     mapped: NDArray[np.float64]
@@ -229,7 +229,7 @@ class _MadeDrive:
 
 
 def _step(line: Lineage, own: Update | None) -> NextDrive:
-    """Make the next drive by the update of the settings, or by the caller's own."""
+    """Make the next drive by the update of the settings or of the caller."""
     settings = line.basis.own_settings
     if not line.history.playbacks and (given := line.given_drive()) is not None:
         return NextDrive(drive=given, model=line.model)
@@ -239,7 +239,7 @@ def _step(line: Lineage, own: Update | None) -> NextDrive:
 
 
 def _recorded(before: RecordedPlayback, line: Lineage, step: NextDrive, *, level: float) -> _MadeDrive:
-    """Return a recorded drive as if it had been made now."""
+    """Return a recorded drive in the form of a new one."""
     with_map = before.with_drive_map and line.drive_map is not None
     band = None if with_map else line.basis.settings.update.band
     mapped = mapped_drive(before.drive, line.drive_map, band=band)
@@ -270,13 +270,13 @@ def _new(line: Lineage, step: NextDrive, *, number: int, level: float, limits: D
 def _decided(
     line: Lineage, own: Update | None, decide: Decide | None, *, number: int, level: float, limits: DriveLimits | None
 ) -> _MadeDrive:
-    """Return the next drive, made again until it is decided to play it."""
+    """Return the next drive, made again until the decision is to play it."""
     while True:
         made, refusal = None, None
         try:
             made = _new(line, _step(line, own), number=number, level=level, limits=limits)
         except ValueError as error:
-            # Another choice of settings may be all that it takes.
+            # Other settings may suffice to make the drive.
             if decide is None:
                 raise
             refusal = error
@@ -307,7 +307,7 @@ def _outcome(
     since: int,
 ) -> Outcome | None:
     """Return why a campaign ends after its last playback, or None."""
-    # What a dead sensor told is not judged: it may come out as anything, even as reached.
+    # The values of a dead sensor are not judged: their outcome is arbitrary, and may even be "reached".
     if dead:
         return Outcome.RESPONSE_STOOD_STILL
     if passed is not None:
@@ -318,7 +318,7 @@ def _outcome(
 def _unreachable(
     history: IterationHistory, projection: DriveProjection | None, *, basis: Basis
 ) -> tuple[UnreachableSegment, ...]:
-    """Find where the last playback missed the target because of a limit, among the controlled responses."""
+    """Find segments in which the last playback missed the target because of a limit, in the controlled responses."""
     if projection is None:
         return ()
     found = unreachable_segments(
@@ -346,29 +346,29 @@ def run_campaign(
     Parameters
     ----------
     play : callable
-        The rig.
+        Function that plays a drive on the rig.
     target : array_like, shape (n_y, samples)
-        As measured; its dynamic part in the control band is reproduced.
+        Target as measured; its dynamic part in the control band is reproduced.
     model : RigModel
-        As identified.
+        Identified model.
     settings : CampaignSettings
-        How and how long.
+        Settings of the updates and the end.
     limits : DriveLimits, optional
-        Of the rig.
+        Drive limits of the rig.
     update : callable, optional
-        Used instead of the update of `settings.update.kind`, see `iterate`.
+        Update used instead of that of `settings.update.kind`, see `iterate`.
     drive_map : DriveMap or MapFromFirstPlayback, optional
-        Change of drive coordinates that the update works in, see `iterate`.
+        Change of drive coordinates for the update, see `iterate`.
 
     Returns
     -------
     CampaignResult
-        All playbacks, why it ended and which was best.
+        All playbacks, the reason of the end and the best playback.
 
     Raises
     ------
     DriveLimitError, TypeError, ValueError
-        As `iterate` does.
+        Errors of `iterate`.
     """
     target_in_band = settings.update.band.limit_target(as_record(target, name="target"))
     iterations = tuple(

@@ -1,4 +1,4 @@
-"""The iterator on the bus: starts campaigns, tells about them, stops them."""
+"""Iterator on the bus: starts campaigns, reports their status, stops them."""
 
 from __future__ import annotations
 
@@ -47,30 +47,30 @@ from iterator.pre_test import perform_pre_test, require_pre_test
 SERVICE: Final = "iterator"
 """Name of the service, as in its liveliness key."""
 
-# A stop waits so long for the campaign to end before it answers how far it got.
+# Longest wait of a stop for the end of the campaign before it answers with the status.
 _STOP_SECONDS: Final = 8.0
-# Ended campaigns whose status can still be asked for; the recorder knows the older ones.
+# Number of ended campaigns whose status is kept; the recorder has the older ones.
 _KEPT_STATUSES: Final = 100
-# The process ends within 3 s of being told to, with or without its campaigns.
+# The process must end within 3 s of the request, with or without its campaigns.
 _CLOSE_SECONDS: Final = 1.5
 
 
 class IteratorConfig(ServiceConfig):
-    """Configuration of the iterator; nothing beyond what every service has."""
+    """Configuration of the iterator: that of every service."""
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """A campaign of this process; one that has ended keeps its status only."""
+    """A campaign of this process; after its end only its status is kept."""
 
     campaign: Campaign | None
     board: StatusBoard
 
 
 class _CampaignMetrics:
-    """Progress of the running campaigns; an ended one is only counted, so that the metrics do not grow for months.
+    """Metrics of the running campaigns; an ended one is only counted, so that the metrics do not grow for months.
 
-    `bus`: Its process publishes them. `running`: Returns the status of every campaign that has not ended.
+    `bus`: Bus whose process publishes them. `running`: Returns the status of every campaign that has not ended.
     """
 
     def __init__(self, bus: Bus, running: Callable[[], Iterable[iterator_pb2.CampaignStatus]]) -> None:
@@ -116,26 +116,26 @@ def _remaining(status: iterator_pb2.CampaignStatus) -> float | None:
 
 
 class IteratorService:
-    """Keeps the campaigns of this process; one at a time on each rig. A context manager: leaving it stops all.
+    """Manages the campaigns of this process, one at a time on each rig; a context manager that stops all on exit.
 
-    `bus`: Its keys are served from the start.
+    `bus`: Bus whose keys are served from the start.
     """
 
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._lock = threading.Lock()
         self._entries: dict[str, _Entry] = {}
-        # Rig to the campaign that has it, from the checks to the end.
+        # Campaign that holds each rig, from the checks to the end.
         self._taken_rigs: dict[str, str] = {}
-        # Of these, the pre-tests.
+        # Ids of these that are pre-tests.
         self._pre_tests: set[str] = set()
-        # Campaigns that a resume reads back and checks now.
+        # Campaigns that a resume reads and checks now.
         self._resumed: set[str] = set()
         self._metrics = _CampaignMetrics(bus, self._running)
         keys = bus.keys
         bus.serve(keys.campaign_start(ANY), iterator_pb2.CampaignSpec, self.start)
         bus.serve(keys.campaign(ANY), iterator_pb2.CampaignRequest, self.status)
-        # Separate workers: a stop must get through whatever else is asked.
+        # Separate workers: a stop must not wait for other requests.
         bus.serve(keys.campaign_stop(ANY), iterator_pb2.StopCampaignRequest, self.stop, workers=4)
         bus.serve(keys.campaign_resume(ANY, ANY), iterator_pb2.ResumeCampaignRequest, self.resume)
         bus.serve(keys.campaign_decide(ANY, ANY), iterator_pb2.Decision, self.decide)
@@ -174,7 +174,7 @@ class IteratorService:
 
     @contextmanager
     def _admitting(self, spec: iterator_pb2.CampaignSpec, *, again: bool = False) -> Iterator[None]:
-        """Keep id and rig for a campaign that is being checked; release them where it is refused."""
+        """Reserve id and rig for a campaign that is being checked; release them if it is refused."""
         self._take(spec, again=again)
         try:
             yield
@@ -192,7 +192,7 @@ class IteratorService:
         if spec.known.HasField("model"):
             experiment = known_experiment(spec, description, is_new=resumption is None)
         else:
-            # The identifier makes the very drive and checks it, before anything is stored or moves.
+            # The identifier makes the same drive and checks it, before anything is stored or moves.
             request = identification_request(spec, run=identification_run(spec), check_only=True)
             experiment = self._bus.query(self._bus.keys.identify(spec.rig), request, identifier_pb2.Model).plan
         plan = plan_campaign(spec, description, experiment)
@@ -221,7 +221,7 @@ class IteratorService:
         return self._entry(id_of(call.key)).board.snapshot()
 
     def stop(self, request: iterator_pb2.StopCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Stop a campaign, and stop and latch its rig whatever that does; one that has ended stays unchanged."""
+        """Stop a campaign, and stop and latch its rig in any state; one that has ended stays unchanged."""
         entry = self._entry(id_of(call.key))
         if not entry.board.ended:
             if entry.campaign is not None:
@@ -231,7 +231,7 @@ class IteratorService:
         return entry.board.snapshot()
 
     def decide(self, request: iterator_pb2.Decision, call: Call) -> iterator_pb2.CampaignStatus:
-        """Take a person's decision on what a campaign proposes; answer when it is stored."""
+        """Apply a person's decision on a campaign's proposal; answer when it is stored."""
         entry = self._entry(id_of(call.key))
         if entry.campaign is None:
             raise FaultError(
@@ -244,7 +244,7 @@ class IteratorService:
         return entry.board.snapshot()
 
     def resume(self, request: iterator_pb2.ResumeCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
-        """Continue with a campaign that a crash broke off, or resume one as a new campaign; answer at once."""
+        """Continue a campaign that a crash interrupted, or resume one as a new campaign; answer at once."""
         id = id_of(call.key)
         with self._resuming_alone(id) as shown:
             call.progress("reading back", 0.0, detail=f"campaign {id}")
@@ -255,7 +255,7 @@ class IteratorService:
             )
 
     def pre_test(self, request: iterator_pb2.PreTestRequest, call: Call) -> iterator_pb2.PreTest:
-        """Make the pre-test of a rig that no campaign uses; answer when it is stored."""
+        """Perform the pre-test of a rig that no campaign uses; answer when it is stored."""
         require_id(request.id)
         require_name(check_rig, request.rig, field="rig")
         call.require_rig(request.rig, field="rig")
@@ -269,7 +269,7 @@ class IteratorService:
 
     @contextmanager
     def _resuming_alone(self, id: str) -> Iterator[iterator_pb2.CampaignStatus | None]:
-        """Refuse a second resume of a campaign until the first is decided: what it read back would be out of date."""
+        """Refuse a second resume of a campaign until the first is decided: its data would be out of date."""
         with self._lock:
             entry = self._entries.get(id)
             if entry is not None and not entry.board.ended:
@@ -325,7 +325,7 @@ class IteratorService:
         return recorded
 
     def _keep_final(self, id: str, final: iterator_pb2.CampaignStatus) -> None:
-        """Show the end that a recording holds."""
+        """Show the final status of a recording."""
         board = StatusBoard(id, publish=self._publishing(id))
         board.end(final)
         with self._lock:
@@ -356,7 +356,7 @@ class IteratorService:
             self._taken_rigs[spec.rig] = spec.id
 
     def _ended(self, spec: iterator_pb2.CampaignSpec) -> None:
-        """Free the rig, and release everything about a campaign but its status."""
+        """Free the rig, and drop all data of a campaign except its status."""
         with self._lock:
             self._entries[spec.id] = _Entry(campaign=None, board=self._entries[spec.id].board)
             ended = [id for id, entry in self._entries.items() if entry.campaign is None]
@@ -380,7 +380,7 @@ class IteratorService:
             try:
                 publisher.put(iterator_pb2.CampaignEvent(status=status))
             except (BusError, SpoolFullError) as error:
-                # Nor may a recorder that is away for a night end the campaign that waits for it.
+                # A recorder that is away for a night must not end the campaign that waits for it either.
                 structlog.get_logger(SERVICE).warning("An event was not published.", campaign=campaign, why=str(error))
             if is_final(status):
                 self._metrics.ended(status)

@@ -1,1 +1,1 @@
-"""Page in a browser from which an operator sets up, watches, decides, stops and reports."""
+"""Page in a browser on which an operator sets up, watches, decides, stops and reports."""

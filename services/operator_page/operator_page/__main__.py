@@ -5,7 +5,7 @@ from operator_page.config import PageConfig
 from operator_page.service import NAME, build
 
 HOSTED = HostedService(NAME, PageConfig, build)
-"""The service as one of several in a process."""
+"""The operator page as one of several services in a process."""
 
 if __name__ == "__main__":
     service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)

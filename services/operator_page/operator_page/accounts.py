@@ -13,7 +13,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, StringConstraints, m
 from duralab_bus import load_config
 
 NAME_PATTERN = r"^[A-Za-z0-9][A-Za-z0-9 ._-]{0,39}$"
-# Of people: a service's certificate signs in nobody.
+# Only for people: signing in is not possible with a service's certificate.
 CERTIFICATE_PATTERN = r"^(operator|viewer)\.[a-z0-9][a-z0-9_-]{0,57}$"
 LONGEST_PASSWORD = 200
 HASHER = PasswordHasher()
@@ -41,7 +41,7 @@ class Account(BaseModel):
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     role: PageRole
-    # Hash of the password, as argon2 writes it.
+    # Password hash in the format of argon2.
     password: Annotated[str, AfterValidator(_check_hash)] | None = None
     # Common name of a certificate of the lab.
     certificate: Annotated[str, StringConstraints(pattern=CERTIFICATE_PATTERN)] | None = None
@@ -56,7 +56,7 @@ class Account(BaseModel):
 
 
 class Accounts(BaseModel):
-    """Content of the file."""
+    """Content of the accounts file."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
@@ -72,11 +72,11 @@ class Accounts(BaseModel):
 
     @property
     def certificates(self) -> dict[str, str]:
-        """Names of those who sign in with a certificate, by its common name."""
+        """Names of the accounts with a certificate, by its common name."""
         return {one.certificate: name for name, one in self.accounts.items() if one.certificate is not None}
 
     def role_of(self, name: str, password: str) -> PageRole | None:
-        """Return the role of who knows the password of a name; None for all others, after the same time."""
+        """Return the role for a name and its password; None if they do not match, after the same time."""
         account = self.accounts.get(name)
         try:
             HASHER.verify((account and account.password) or _NO_ACCOUNT, password)
@@ -86,5 +86,5 @@ class Accounts(BaseModel):
 
 
 def read_accounts(path: Path) -> Accounts:
-    """Read the file; raises ConfigError with a sentence where it does not fit."""
+    """Read the accounts file; raises ConfigError with a sentence if it is invalid."""
     return load_config(Accounts, path)

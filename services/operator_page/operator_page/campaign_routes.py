@@ -1,4 +1,4 @@
-"""Endpoints of the screen Run: a campaign begun, its target, what it waits with, decisions."""
+"""Endpoints of the screen Run: start of a campaign, its target, its hold points, decisions."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from operator_page.requests import Begin, Decide, Resume, Stop
 
 
 class CampaignRoutes:
-    """Answers about campaigns."""
+    """Endpoints for campaigns."""
 
     def __init__(self, lab: Lab, commands: Commands, workers: Workers) -> None:
         self._lab, self._commands, self._workers = lab, commands, workers

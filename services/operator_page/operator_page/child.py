@@ -1,7 +1,7 @@
-"""Long work, and the reading of uploaded files, in a separate process: `python -m operator_page.child`.
+"""Long jobs, and the reading of uploaded files, in a separate process: `python -m operator_page.child`.
 
-It reads one job, a pickle of this service's own making, from standard input, and writes a JSON document to standard
-output, or a sentence to standard error. It may take a bounded time and memory, and takes nothing with it when it dies.
+It reads one job, a pickle made by this service, from standard input, and writes a JSON document to standard output, or
+a sentence to standard error. Its time and memory are bounded, and its crash does not affect the service.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _REFUSED: Final = 2
 
 
 def work(job: str, *values: Any) -> dict[str, Any]:
-    """Have a job done in a separate process; raises LabError with its sentence where it cannot be done."""
+    """Run a job in a separate process; raises LabError with its sentence if it fails."""
     try:
         done = subprocess.run(
             [sys.executable, "-m", "operator_page.child"],
@@ -69,12 +69,12 @@ def _signals(path: Path) -> Signals:
     try:
         return read_signals(path)
     except InputError as error:
-        # The browser knows the name only.
+        # The browser knows only the file's name.
         raise InputError(error.message.replace(str(path), path.name)) from error
 
 
 def _target(text: str, folder: Path, rig: Rig) -> dict[str, Any]:
-    """Show the target of a measured file before and after its steps of editing, and what each of them did."""
+    """Return the target of a measured file before and after its editing steps, and the effect of each step."""
     plan = parse_campaign(text, name="the campaign", folder=folder)
     if plan.target.file is None:
         raise InputError("The target comes from a road; it is made when the campaign begins.", field="target")
@@ -103,7 +103,7 @@ def _target(text: str, folder: Path, rig: Rig) -> dict[str, Any]:
 
 
 def _forecast(schedule: Schedule) -> dict[str, Any]:
-    """Say what a schedule comes to: repeats, time, damage over plan, room on disk."""
+    """Return the forecast of a schedule: repeats, time, damage over plan, room on disk."""
     found = forecast_schedule(schedule)
     found.require_playable()
     forecast = found.forecast
@@ -149,7 +149,7 @@ JOBS: Final[Mapping[str, Callable[..., dict[str, Any]]]] = MappingProxyType(
 
 
 def main() -> int:
-    """Do the job on standard input."""
+    """Run the job on standard input."""
     with suppress(OSError, ValueError):
         resource.setrlimit(resource.RLIMIT_AS, (LARGEST_BYTES, LARGEST_BYTES))
         resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))

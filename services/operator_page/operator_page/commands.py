@@ -19,7 +19,7 @@ from operator_page.lab_view import LabView
 from operator_page.requests import Begin, BeginEndurance, Decide, DecideEndurance, Resume
 
 ANSWER_SECONDS = 0.12
-"""A stop is answered within 0.2 s: where the rig is still on its way down by then, the stream says when it rests."""
+"""Longest answer time of a stop, which must be below 0.2 s: if the rig still ramps down, the stream reports rest."""
 
 
 class Commands:
@@ -30,11 +30,11 @@ class Commands:
         self._log = structlog.get_logger("operator_page")
         self._lock = threading.Lock()
         self._beginning: dict[str, threading.Event] = {}
-        # A stop never waits for something else.
+        # A stop never waits for another command.
         self._stops = ThreadPoolExecutor(32, thread_name_prefix="page-stop")
 
     def _did(self, who: str, text: str, **values: Any) -> None:
-        """Note a command: on every page, and in the log of the service."""
+        """Report a command on every page, and in the log of the service."""
         self._log.info("command", who=who, did=text, **values)
         self._view.say(text, who=who)
 
@@ -51,7 +51,7 @@ class Commands:
         threading.Thread(target=run, name=name, daemon=True).start()
 
     def stop(self, rig: str, who: str, reason: str) -> dict[str, Any]:
-        """Stop a rig and what moves it, now; answer in a moment, whether it rests already or not."""
+        """Stop a rig and its campaign or test now; answer shortly, whether or not it is at rest."""
         why = f"{reason or 'Stop'} ({who}, at the operator page)"
         with self._lock:
             beginning = [event for name, event in self._beginning.items() if rig in name.split()]
@@ -89,7 +89,7 @@ class Commands:
         return {"mode": state.mode.value}
 
     def take(self, rig: str, who: str) -> dict[str, Any]:
-        """Take a rig over from who holds it."""
+        """Take a rig over from its present holder."""
         self._require_known(rig)
         before = self._holders.take(rig, who)
         from_whom = f" from {before.name}" if before is not None and before.name != who else ""
@@ -97,7 +97,7 @@ class Commands:
         return {"holder": who}
 
     def release(self, rig: str, who: str) -> dict[str, Any]:
-        """Hold a rig no more."""
+        """Release a rig."""
         if self._holders.release(rig, who):
             self._did(who, f"{who} no longer holds the rig {rig}.")
         return {}
@@ -132,7 +132,7 @@ class Commands:
         return {"rig": plan.rig, "campaign": plan.name}
 
     def _make_ready(self, rigs: Sequence[str], activity: str, begin: Callable[[threading.Event], None]) -> None:
-        """Begin something on rigs in the background; a stop of one of them sets the event and breaks it off."""
+        """Start something on rigs in the background; a stop of one of them sets the event, which interrupts it."""
         cancel, key = threading.Event(), " ".join(rigs)
         with self._lock:
             if taken := [rig for name in self._beginning for rig in name.split() if rig in rigs]:
@@ -151,7 +151,7 @@ class Commands:
         self._in_background(work, name="page-begin")
 
     def pre_test(self, rig: str, who: str) -> dict[str, Any]:
-        """Play small pulses on each drive of a rig and say what is wrong; it continues without the page."""
+        """Play small pulses on each drive of a rig and report faults; it continues without the page."""
         self._require_known(rig)
         self._holders.require(rig, who)
         self._did(who, f"Pre-test of {rig}.")
@@ -227,7 +227,7 @@ class Commands:
         return {"rig": schedule.rig, "test": schedule.name}
 
     def hold_endurance(self, id: str, who: str, reason: str) -> dict[str, Any]:
-        """Have an endurance test wait after the repeat that plays."""
+        """Hold an endurance test after the present repeat."""
         self._holders.require(self._view.endurance.progress(id).rig, who)
         progress = self._lab.endurance(id).hold(reason=f"{reason} ({who}, at the operator page)")
         self._did(who, f"{id}: hold after the repeat that plays: {reason}")
@@ -245,7 +245,7 @@ class Commands:
         return self.stop(self._view.endurance.progress(id).rig, who, reason)
 
     def resume_endurance(self, id: str, who: str) -> dict[str, Any]:
-        """Continue with an endurance test whose sequencer ended, at its next repeat."""
+        """Resume an endurance test whose sequencer ended, at its next repeat."""
         test = self._lab.endurance(id)
         self._holders.require(test.rig, who)
         progress = test.resume()

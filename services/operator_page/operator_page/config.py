@@ -14,33 +14,33 @@ DEFAULT_PORT = 7480
 
 
 class PageTls(BaseModel):
-    """Certificate and private key that the page shows to browsers, PEM."""
+    """Certificate and private key of the page for browsers, PEM."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
     certificate: Path
     key: Path
-    # Authority of the lab, `ca.crt`: whose certificates people may sign in with, where an account names them.
+    # Authority of the lab, `ca.crt`: people may sign in with its certificates if an account names them.
     client_ca: Path | None = None
 
 
 class PageConfig(ServiceConfig):
     """Configuration of the operator page."""
 
-    # Address to listen at. Other than loopback needs `tls` and `accounts`.
+    # Address to listen at. An address other than loopback needs `tls` and `accounts`.
     host: str = "127.0.0.1"
-    # 0 takes a free one.
+    # 0 selects a free port.
     port: int = Field(default=DEFAULT_PORT, ge=0, le=65535)
     tls: PageTls | None = None
-    # Names by which browsers may reach the page, besides `host` and localhost: a request to another one is refused.
+    # Names of the page for browsers, in addition to `host` and localhost: a request to another name is refused.
     names: tuple[str, ...] = ()
-    # File of those who may sign in; left out: everybody at this machine is the local operator.
+    # Accounts file; if not given, every user of this machine is the local operator.
     accounts: Path | None = None
-    # After so long a person signs in again.
+    # Time after which a person has to sign in again.
     session_hours: float = Field(default=12.0, gt=0, le=168)
-    # Where campaign files, uploads and reports go; made if it is not there.
+    # Folder of campaign files, uploads and reports; made if it does not exist.
     folder: Path = Path("page")
-    # Largest file that is taken from a browser.
+    # Largest file that a browser may upload.
     largest_upload_mebibytes: int = Field(default=256, ge=1, le=4096)
     # Page of Rerun's web viewer that is shown beside a rig, e.g. http://127.0.0.1:9090/?url=...
     viewer: str | None = Field(default=None, pattern=r"^https?://[A-Za-z0-9.\-\[\]:]+/[!-~]*$")

@@ -11,21 +11,21 @@ from dataclasses import dataclass
 from typing import Any
 
 ARMED_SECONDS = 10.0
-"""The second act follows the first within this time."""
+"""Longest time between the first and the second act."""
 OLDEST_SECONDS = 3.0
-"""Who acts on older data than these acts on what is no longer so."""
+"""Largest age of the data on which a person acts; older data may no longer be valid."""
 MOST_ARMED = 1000
 
 
 class Arming:
-    """The first of two acts: it names an action with all of its values and gives a word that does it once."""
+    """First of two acts: it names an action with all of its values and returns a token that allows it once."""
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._lock = clock, threading.Lock()
         self._armed: dict[str, tuple[str, str, float]] = {}
 
     def arm(self, who: str, action: str, values: Mapping[str, Any]) -> str:
-        """Return the word that does an action once, for who armed it, with these values."""
+        """Return the token that allows an action once, for the person who armed it, with these values."""
         word = secrets.token_urlsafe(16)
         with self._lock:
             now = self._clock()
@@ -36,7 +36,7 @@ class Arming:
         return word
 
     def use(self, word: str, who: str, action: str, values: Mapping[str, Any]) -> bool:
-        """Return whether an action was armed by the same person and session, and not used or too old since."""
+        """Return whether an action was armed by the same person and session, and is neither used nor too old."""
         with self._lock:
             found = self._armed.pop(word, None)
             return found is not None and found[:2] == (who, _key(action, values)) and found[2] > self._clock()
@@ -48,7 +48,7 @@ def _key(action: str, values: Mapping[str, Any]) -> str:
 
 @dataclass(frozen=True)
 class Holder:
-    """Holder of a rig, since when (seconds since 1970 UTC)."""
+    """Holder of a rig, and the start of the hold in seconds since 1970 UTC."""
 
     name: str
     since: float
@@ -62,11 +62,11 @@ class Holders:
         self._holders: dict[str, Holder] = {}
 
     def of(self, rig: str) -> Holder | None:
-        """Return who holds a rig."""
+        """Return the holder of a rig."""
         return self._holders.get(rig)
 
     def require(self, rig: str, name: str) -> Holder:
-        """Return the holder of a rig, who is `name`, also where nobody held it; PermissionError with a sentence."""
+        """Return the holder of a rig, `name`, also if it had no holder; raises PermissionError with a sentence."""
         with self._lock:
             holder = self._holders.setdefault(rig, Holder(name, time.time()))
         if holder.name != name:
@@ -74,14 +74,14 @@ class Holders:
         return holder
 
     def take(self, rig: str, name: str) -> Holder | None:
-        """Give a rig to a person; return who held it before."""
+        """Give a rig to a person; return its earlier holder."""
         with self._lock:
             before = self._holders.get(rig)
             self._holders[rig] = Holder(name, time.time())
         return before
 
     def release(self, rig: str, name: str) -> bool:
-        """Let a rig be held by none where this person held it; return whether that was so."""
+        """Release a rig held by this person; return whether it was."""
         with self._lock:
             held = (found := self._holders.get(rig)) is not None and found.name == name
             if held:

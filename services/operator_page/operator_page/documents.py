@@ -13,11 +13,11 @@ from duralab.lab import EnduranceAlarm, EnduranceProgress, ServiceHealth
 from operator_page.envelope import MOST_BUCKETS, Envelope, rounded
 
 HOLD_BUCKETS: Final = 600
-"""Of each of the four curves of a channel at a hold point."""
+"""Number of buckets of each of the four curves of a channel at a hold point."""
 
 
 def number(value: float) -> float | None:
-    """Return a number as JSON has it; None where it is none."""
+    """Return a number for JSON; None if it is not finite."""
     return float(f"{value:.6g}") if math.isfinite(value) else None
 
 
@@ -27,7 +27,7 @@ def numbers(values: np.ndarray) -> Any:
 
 
 def reset_sentence(state: RigState) -> str:
-    """Return who cleared the last latch of a rig and why; empty where neither was given."""
+    """Return who cleared the last latch of a rig and why; empty if neither was given."""
     if not (state.reset_name or state.reset_reason):
         return ""
     by = f"Reset by {state.reset_name}" if state.reset_name else "Reset"
@@ -35,7 +35,7 @@ def reset_sentence(state: RigState) -> str:
 
 
 def campaign_document(id: str, progress: RunProgress, *, rig: str, ended: bool, age: float) -> dict[str, Any]:
-    """Return how far a campaign is."""
+    """Return the progress of a campaign."""
     return {
         "id": id,
         "rig": rig,
@@ -58,7 +58,7 @@ def _table(table: IterationTable) -> dict[str, Any]:
         "overall": numbers(table.overall),
         "error": numbers(table.relative_rms_error),
         "peak": numbers(table.peak_ratio),
-        # Of slope 5, as damage is counted where no other is asked for.
+        # For slope 5, the default of the damage count.
         "damage": numbers(table.damage_ratio[:, :, 1]),
         "predicted": None if table.predicted_error is None else numbers(table.predicted_error),
         "best": table.numbers[table.best] if len(table) else None,
@@ -66,7 +66,7 @@ def _table(table: IterationTable) -> dict[str, Any]:
 
 
 def proposal_document(proposal: Proposal) -> dict[str, Any]:
-    """Return what a campaign waits with, without samples."""
+    """Return the proposal of a campaign without samples."""
     return {
         "number": proposal.number,
         "playback": proposal.playback,
@@ -105,7 +105,7 @@ def proposal_curves(proposal: Proposal, last_drive: Signals | None) -> dict[str,
 
 
 def endurance_document(progress: EnduranceProgress, *, ended: bool, age: float, read: int) -> dict[str, Any]:
-    """Return how far an endurance test is; `read`: repeats whose figures can be asked for."""
+    """Return the progress of an endurance test; `read`: Number of repeats whose figures are available."""
     return {
         "id": progress.id,
         "rig": progress.rig,
@@ -138,7 +138,7 @@ def endurance_document(progress: EnduranceProgress, *, ended: bool, age: float, 
 
 
 def alarm_document(alarm: EnduranceAlarm) -> dict[str, Any]:
-    """Return an alarm; `found`: in seconds since 1970, None in recordings of versions that kept no time."""
+    """Return an alarm; `found`: Time in seconds since 1970, None in recordings of versions without a time."""
     return {
         **vars(alarm),
         "size": number(alarm.size),
@@ -148,7 +148,7 @@ def alarm_document(alarm: EnduranceAlarm) -> dict[str, Any]:
 
 
 def service_document(health: ServiceHealth) -> dict[str, Any]:
-    """Return how a service is."""
+    """Return the health of a service."""
     free = health.value("duralab_recorder_free_bytes")
     return {
         "service": health.service,
@@ -160,7 +160,7 @@ def service_document(health: ServiceHealth) -> dict[str, Any]:
 
 
 def rig_document(rig: Rig) -> dict[str, Any]:
-    """Return what a rig is: channels, limits, sensors."""
+    """Return the description of a rig: channels, limits, sensors."""
     return {
         "name": rig.name,
         "specimen": rig.specimen,
@@ -207,7 +207,7 @@ def target_document(target: Signals) -> dict[str, Any]:
 
 
 def recording_document(entry: CatalogueEntry) -> dict[str, Any]:
-    """Return what the catalogue says of a recording."""
+    """Return the catalogue entry of a recording."""
     return {
         "id": entry.id,
         "rig": entry.rig,

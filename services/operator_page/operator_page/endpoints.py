@@ -24,7 +24,7 @@ ResultT = TypeVar("ResultT")
 
 
 class RefusedError(Exception):
-    """A request that is not carried out; says why in one sentence."""
+    """Refusal of a request, with its reason in one sentence."""
 
     def __init__(self, status: int, sentence: str, *, field: str = "") -> None:
         super().__init__(sentence)
@@ -41,7 +41,7 @@ class Asked:
 
     @property
     def who(self) -> str:
-        """Name of who asks."""
+        """Name of the person who sends the request."""
         return self.session.name if self.session is not None else ""
 
     def named(self, name: str) -> str:
@@ -51,10 +51,10 @@ class Asked:
 
 @dataclass(frozen=True)
 class Endpoint:
-    """One thing that can be asked: by whom, with which values, and whether it needs a second act.
+    """An endpoint: its role, its values, and whether it needs a second act.
 
-    `role`: The least one; None for everybody who reaches the page. `values`: None for what is only read. `raw`: Its
-    body is a file.
+    `role`: The lowest allowed one; None for every client of the page. `values`: None for a read-only request. `raw`:
+    Whether its body is a file.
     """
 
     path: str
@@ -67,12 +67,12 @@ class Endpoint:
 
     @property
     def method(self) -> str:
-        """GET reads, POST does."""
+        """HTTP method: GET to read, POST to act."""
         return "GET" if self.values is None else "POST"
 
 
 class Workers:
-    """Threads and processes that answer requests, so that the web server's own thread never waits."""
+    """Threads and processes that answer requests, so that the web server's thread never waits."""
 
     def __init__(self) -> None:
         self._threads = ThreadPoolExecutor(32, thread_name_prefix="page")
@@ -88,12 +88,12 @@ class Workers:
 
 
 def error_answer(status: int, sentence: str, *, field: str = "") -> JSONResponse:
-    """Return the answer to a request that is refused."""
+    """Return the answer to a refused request."""
     return JSONResponse({"error": sentence, "field": field}, status_code=status)
 
 
 async def json_body(request: Request) -> dict[str, Any]:
-    """Return the JSON object of a request, which is not large."""
+    """Return the JSON object of a request of limited size."""
     if request.headers.get("content-type", "").partition(";")[0].strip() != "application/json":
         raise RefusedError(415, "The request is no JSON document.")
     content = b""

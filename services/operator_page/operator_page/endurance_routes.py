@@ -1,4 +1,4 @@
-"""Endpoints of the screen Endurance: schedules, and endurance tests begun, shown, held, decided, stopped."""
+"""Endpoints of the screen Endurance: schedules; start, display, hold, decision and stop of endurance tests."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from operator_page.requests import BeginEndurance, DecideEndurance, Nothing, Sch
 
 
 def _is_test(entry: CatalogueEntry) -> bool:
-    """Return whether a recording is one of an endurance test: the recorder names its target so."""
+    """Return whether a recording is one of an endurance test, by the target's name that the recorder gives it."""
     return entry.target.startswith("endurance test ")
 
 
 class EnduranceRoutes:
-    """Answers about endurance tests."""
+    """Endpoints for endurance tests."""
 
     def __init__(self, lab: Lab, view: LabView, commands: Commands, files: PageFiles, workers: Workers) -> None:
         self._lab, self._view, self._commands, self._files, self._workers = lab, view, commands, files, workers
@@ -45,7 +45,7 @@ class EnduranceRoutes:
         )
 
     async def _schedules(self, _asked: Asked) -> Mapping[str, Any]:
-        """List schedule files, recordings that have a drive, and tests that were broken off."""
+        """List schedule files, recordings with a drive, and interrupted tests."""
         found = await self._workers.in_thread(self._lab.catalogue.search)
         shown = self._view.endurance.documents(time.time())
         under_way = {each["id"] for each in shown if not (each["ended"] or each["silent"])}
@@ -61,7 +61,7 @@ class EnduranceRoutes:
         }
 
     async def _schedule(self, asked: Asked) -> Mapping[str, Any]:
-        """Forecast what a schedule file comes to."""
+        """Return the forecast of a schedule file."""
         name = asked.named("name")
         if name not in (await self._workers.in_thread(self._files.listed))["schedules"]:
             raise RefusedError(404, f"There is no schedule {name!r} on this page.")

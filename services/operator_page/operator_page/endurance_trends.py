@@ -1,4 +1,4 @@
-"""Trends of an endurance test: statistics of every repeat, thinned, with the limits that they are judged by."""
+"""Trends of an endurance test: statistics of every repeat, thinned, with their limits."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ BUCKETS: Final = 400
 MOST_ALARMS: Final = 500
 RESIDUAL: Final = "residual"
 STATISTICS: Final = (*(each.value for each in Statistic), RESIDUAL)
-"""What can be drawn: statistics of a repeat, and its residual against the baseline, all bands together."""
+"""Available curves: statistics of a repeat, and its residual against the baseline, all bands together."""
 
 _DAMAGE: Final = list(Statistic).index(Statistic.DAMAGE)
 _RMS: Final = list(Statistic).index(Statistic.RMS)
@@ -46,9 +46,9 @@ class _Baseline:
 
 
 class Trends:
-    """Repeats of one endurance test, thinned: memory stays flat over millions of them.
+    """Repeats of one endurance test, thinned: memory is constant over millions of them.
 
-    `settings`: Of the schedule. `responses`: Names of the channels. `columns`: Of the statistics.
+    `settings`: Settings of the schedule. `responses`: Names of the channels. `columns`: Columns of the statistics.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Trends:
         self.unknown: deque[tuple[int, str]] = deque(maxlen=MOST_ALARMS)
 
     def put(self, repeat: PlayedRepeat) -> None:
-        """Take the next repeat."""
+        """Add the next repeat."""
         self.alarms.extend(repeat.alarms)
         if repeat.statistics is None:
             self.unknown.append((repeat.repeat, repeat.reason))
@@ -102,7 +102,7 @@ class Trends:
     def _limits(
         self, statistic: str, column: int, learnt: list[_Baseline]
     ) -> list[tuple[str, int, np.ndarray, np.ndarray]]:
-        """Return limits: warning or abort, the repeat from which they are in use, lowest and highest by response."""
+        """Return limits: warning or abort, the first repeat of their use, lowest and highest by response."""
         absent = np.full(len(self.responses), np.nan)
         found = []
         levels: Levels = self._settings.change if statistic == RESIDUAL else self._settings.learnt_limits

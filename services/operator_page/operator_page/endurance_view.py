@@ -14,10 +14,10 @@ from operator_page.documents import alarm_document, endurance_document, numbers
 from operator_page.endurance_trends import STATISTICS, Trends
 
 MOST_TESTS: Final = 5
-"""Tests that have ended stay in view, the last ones."""
+"""Number of ended tests that stay in view, the last ones."""
 MOST_KEPT: Final = 200
 SILENT_SECONDS: Final = 10.0
-"""A sequencer says at least once a second how far a test is: without a word for so long it is taken for gone."""
+"""Time without a status after which a sequencer counts as gone: it sends one at least every second."""
 
 _ENDED: Final = (EndurancePhase.FINISHED, EndurancePhase.STOPPED, EndurancePhase.FAULTED)
 
@@ -28,7 +28,7 @@ class _SeenTest:
     history: EnduranceHistory
     heard: float
     trends: Trends | None = None
-    # Repeats read from the recording so far; alarms of those before the page knew the test are no news.
+    # Number of repeats read from the recording; their alarms before the page knew the test are not reported.
     read: int = 0
     caught_up: bool = False
     complete: bool = False
@@ -41,7 +41,7 @@ class _SeenTest:
 class EnduranceView:
     """Endurance tests of a lab; safe for threads.
 
-    `lock`: That of the view of the lab: two locks would be taken in both orders. `say`: Adds a line to its log.
+    `lock`: Lock of the lab view: two locks would be acquired in both orders. `say`: Adds a line to its log.
     """
 
     def __init__(self, lab: Lab, *, lock: threading.RLock, say: Callable[..., None]) -> None:
@@ -49,7 +49,7 @@ class EnduranceView:
         self._tests: dict[str, _SeenTest] = {}
 
     def take(self, progress: EnduranceProgress) -> None:
-        """Take how far a test is."""
+        """Update the progress of a test."""
         with self._lock:
             known = self._tests.get(progress.id)
             if known is None:
@@ -62,7 +62,7 @@ class EnduranceView:
                     f"{progress.id}: {progress.phase}{why}",
                     trouble=progress.phase in (EndurancePhase.HOLDING, EndurancePhase.FAULTED),
                 )
-                # Where it is resumed after a crash, it is read on.
+                # If it is resumed after a crash, reading continues.
                 known.complete = known.complete and progress.phase in _ENDED
             known.progress, known.heard = progress, time.time()
             ended = [id for id, each in self._tests.items() if each.ended]
@@ -70,7 +70,7 @@ class EnduranceView:
                 del self._tests[id]
 
     def read(self) -> bool:
-        """Read what was recorded since; return whether anything was."""
+        """Read the newly recorded steps; return whether there were any."""
         with self._lock:
             waiting = [each for each in self._tests.values() if not each.complete]
         found = [self._read(test) for test in waiting]
@@ -96,7 +96,7 @@ class EnduranceView:
                     self._say(f"{test.progress.id}: {alarm.level}: {alarm.sentence}", trouble=True)
             test.read += len(found)
             test.caught_up = test.caught_up or test.read >= test.progress.played
-            # The last step may be written just before the end is heard of: it is asked once more after the end.
+            # The last step may be written just before the end is reported: it is read once more after the end.
             test.complete = ended and not found and test.read >= test.progress.played
         return bool(found)
 
@@ -104,18 +104,18 @@ class EnduranceView:
         return list(test.progress.damage) or [each.name for each in self._lab.describe(test.progress.rig).responses]
 
     def on(self, rig: str) -> list[str]:
-        """Return the tests under way on a rig."""
+        """Return the running tests on a rig."""
         with self._lock:
             return [id for id, each in self._tests.items() if each.progress.rig == rig and not each.ended]
 
     def silent(self, id: str, now: float) -> bool:
-        """Return whether the sequencer of a test that did not end is not heard any more."""
+        """Return whether the sequencer of a running test has stopped sending."""
         with self._lock:
             test = self._tests.get(id)
             return test is not None and not test.ended and now - test.heard > SILENT_SECONDS
 
     def progress(self, id: str) -> EnduranceProgress:
-        """Return how far a test is; raises InputError where the page knows none of that name."""
+        """Return the progress of a test; raises InputError if the page does not know its name."""
         return self._known(id).progress
 
     def _known(self, id: str) -> _SeenTest:

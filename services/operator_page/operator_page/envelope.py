@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 MOST_BUCKETS = 1200
-"""A curve of more points than a screen has columns shows no more."""
+"""Largest number of buckets: more points than a screen has columns are not visible."""
 
 
 class Envelope:
-    """Smallest and largest values of a record that grows, channels by buckets of equal length.
+    """Smallest and largest values of a growing record, channels by buckets of equal length.
 
-    When all buckets are used, two become one: what was seen stays, at half the resolution.
+    When all buckets are used, pairs are merged: all data stays, at half the resolution.
     """
 
     def __init__(self, channels: int, *, samples: int = 0, buckets: int = MOST_BUCKETS) -> None:
@@ -23,11 +23,11 @@ class Envelope:
 
     @property
     def used(self) -> int:
-        """Number of buckets that hold samples."""
+        """Number of buckets with samples."""
         return -(-self.samples // self.bucket_samples)
 
     def put(self, first: int, block: np.ndarray) -> None:
-        """Take samples, shape (channels, samples), from index `first` on; what is missing before them stays empty."""
+        """Add samples, shape (channels, samples), from index `first` on; missing samples before them stay empty."""
         while first + block.shape[1] > self.bucket_samples * self._buckets:
             self._halve()
         index = np.arange(first, first + block.shape[1]) // self.bucket_samples
@@ -50,5 +50,5 @@ class Envelope:
 
 
 def rounded(values: np.ndarray) -> list[list[float | None]]:
-    """Return numbers as a document holds them: four digits, which is a tenth of a pixel; None for no number."""
+    """Return numbers for a document: four digits, which is a tenth of a pixel; None for NaN."""
     return [[None if np.isnan(value) else float(f"{value:.4g}") for value in row] for row in values.tolist()]

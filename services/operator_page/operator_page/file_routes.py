@@ -17,7 +17,7 @@ from operator_page.requests import CAMPAIGN_NAME, CampaignDocument, Nothing
 
 
 class FileRoutes:
-    """Answers about files of the page's folder."""
+    """Endpoints for files of the page's folder."""
 
     def __init__(self, lab: Lab, view: LabView, files: PageFiles, workers: Workers) -> None:
         self._lab, self._view, self._files, self._workers = lab, view, files, workers
@@ -30,7 +30,7 @@ class FileRoutes:
             Endpoint("/api/campaign_files/{kind}/{name}", viewer, self._campaign_file),
             Endpoint("/api/campaign_schema", viewer, self._schema),
             Endpoint("/api/rigs/{rig}/template", viewer, self._template),
-            # What costs time or room, and moves nothing.
+            # Requests that cost time or room, without a motion.
             Endpoint("/api/campaign_files", operator, self._check_campaign, CampaignDocument),
             Endpoint("/api/target_preview", operator, self._preview, CampaignDocument),
             Endpoint("/api/uploads/{name}", operator, self._upload, Nothing, raw=True),

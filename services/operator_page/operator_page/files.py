@@ -35,20 +35,20 @@ MOST_UPLOADS: Final = 200
 
 
 class PageFiles:
-    """The page's folder; `largest_bytes`: of one file that is taken from a browser."""
+    """Folder of the page; `largest_bytes`: Largest size of a file from a browser."""
 
     def __init__(self, folder: Path, *, largest_bytes: int) -> None:
         self.folder, self._largest_bytes = folder, largest_bytes
 
     def listed(self) -> dict[str, Any]:
-        """Return the names of all campaigns there are."""
+        """Return the names of all campaigns."""
         files = sorted(self.folder.glob("*.yaml"))
         schedules = [path.stem for path in files if _is_schedule(path)]
         campaigns = [path.stem for path in files if path.stem not in schedules]
         return {"shipped": shipped_campaigns(), "files": campaigns, "schedules": schedules}
 
     def path(self, name: str) -> Path:
-        """Return where the campaign of a name is kept; the name is checked, and holds no separator."""
+        """Return the path of the campaign of a name; the name is checked, and holds no separator."""
         return self.folder / f"{name}.yaml"
 
     def document(self, kind: str, name: str) -> dict[str, Any]:
@@ -63,7 +63,7 @@ class PageFiles:
         return self._as_document(parse_campaign(text, name=name, folder=self.folder))
 
     def template(self, rig: Rig) -> dict[str, Any]:
-        """Return a campaign for a rig to begin with: its experiment is made for the rig's drives."""
+        """Return a new campaign for a rig, with an experiment for the rig's drives."""
         text = campaign_text(template_for(rig.name), path=self.path("new"), rig=rig)
         return self._as_document(parse_campaign(text, name="new", folder=self.folder))
 
@@ -108,7 +108,7 @@ class PageFiles:
         return (self.folder / path).resolve().is_relative_to(self.folder.resolve())
 
     def require_free(self, name: str, *, replace: bool) -> None:
-        """Refuse the name of a file that is there already."""
+        """Refuse the name of an existing file."""
         if self.path(name).exists() and not replace:
             raise InputError(f"There is a file {name!r} already; give another name, or replace it.", field="name")
 
@@ -119,7 +119,7 @@ class PageFiles:
             part.write_text(text, encoding="utf-8")
 
     async def upload(self, name: str, pieces: AsyncIterator[bytes]) -> str:
-        """Keep a file that a browser sends; return its path in the folder, which no other file has."""
+        """Store an uploaded file; return its path in the folder, which no other file has."""
         suffix = Path(name).suffix.lower()
         if suffix not in SUFFIXES:
             raise InputError(f"The file {name!r} is of no known kind; give one of {', '.join(SUFFIXES)}.", field="file")
@@ -159,14 +159,14 @@ def _is_schedule(path: Path) -> bool:
 
 
 def fetched_drives(schedule: Schedule, catalogue: Catalogue, folder: Path) -> Schedule:
-    """Return a schedule whose drives are all files: recordings that it names by their ids are fetched."""
+    """Return a schedule with files as drives: recordings that it names by their ids are fetched."""
     events = dict(schedule.events)
     for name, event in events.items():
         if RECORDING_ID.fullmatch(event.drive) and not (schedule.folder / event.drive).exists():
             kept = folder / DRIVES / event.drive
             if not kept.is_dir():
                 kept.parent.mkdir(exist_ok=True)
-                # Whole or not at all, also where two people ask for it at once.
+                # Whole or not at all, also if two people request it at once.
                 with tempfile.TemporaryDirectory(dir=kept.parent, prefix=".") as passing:
                     catalogue.fetch(event.drive, Path(passing) / kept.name)
                     with suppress(OSError):

@@ -25,7 +25,7 @@ POLL_SECONDS = 1.0
 SERVICES_SECONDS = 3.0
 MOST_LOG_LINES = 500
 MOST_CAMPAIGNS = 20
-"""Campaigns that have ended stay in view, the last ones."""
+"""Number of ended campaigns that stay in view, the last ones."""
 
 
 @dataclass
@@ -72,7 +72,7 @@ class LabView:
         self._run_number = 0
         self._waiting: dict[str, str] = {}
         self.changes = 0
-        """Counts what changed: a page that has this number has everything."""
+        """Number of changes: a page with this number is up to date."""
         self.endurance = EnduranceView(lab, lock=self._lock, say=self.say)
         self._threads = [
             threading.Thread(target=self._repeat, args=(work, seconds), name=f"page-{name}", daemon=True)
@@ -87,7 +87,7 @@ class LabView:
             thread.start()
 
     def close(self) -> None:
-        """Watch no more."""
+        """Stop watching."""
         self._closing.set()
 
     def _repeat(self, work: Callable[[], None], seconds: float) -> None:
@@ -135,7 +135,7 @@ class LabView:
             list(pool.map(self._poll_rig, names))
 
     def _poll_rig(self, name: str) -> None:
-        # Where it does not answer, its last state becomes older, and the page says so.
+        # If it does not answer, its last state becomes older, which the page shows.
         with suppress(LabError, BusError):
             self._take_state(self._lab.state(name))
 
@@ -153,7 +153,7 @@ class LabView:
                 self.say(f"The rig {state.rig} is {state.mode}." + (f" {state.reason}" if state.reason else ""))
             else:
                 latched = state.mode is RigMode.INTERLOCKED
-                # The modes of every repeat of an endurance test would push all else out of the log.
+                # The modes of every repeat of an endurance test would remove all other lines from the log.
                 silent = not latched and before.state.mode is not RigMode.INTERLOCKED and self.endurance.on(state.rig)
                 if (state.mode, state.reason) != (before.state.mode, before.state.reason) and not silent:
                     line = f"{state.rig}: {state.mode}" + (f": {state.reason}" if state.reason else "")
@@ -206,7 +206,7 @@ class LabView:
             self.changes += 1
 
     def say(self, text: str, *, trouble: bool = False, who: str = "") -> None:
-        """Add a line to the log that every page shows; one that repeats the last is left out."""
+        """Add a line to the log that every page shows; a repetition of the last line is left out."""
         with self._lock:
             if self._lines and self._lines[-1]["text"] == text and trouble:
                 self._lines[-1]["when"] = time.time()
@@ -217,7 +217,7 @@ class LabView:
             self.changes += 1
 
     def wait_with(self, rig: str, activity: str) -> None:
-        """Say what a rig is being made ready for; empty: no more."""
+        """Show what a rig is being prepared for; empty to end it."""
         with self._lock:
             self._waiting.pop(rig, None)
             if activity:
@@ -225,17 +225,17 @@ class LabView:
             self.changes += 1
 
     def campaigns_on(self, rig: str) -> list[str]:
-        """Return the campaigns under way on a rig."""
+        """Return the running campaigns on a rig."""
         with self._lock:
             return [id for id, each in self._campaigns.items() if each.rig == rig and not each.ended]
 
     def rig_of(self, campaign: str) -> str:
-        """Return the rig of a campaign; empty where it is not known."""
+        """Return the rig of a campaign; empty if it is not known."""
         known = self._campaigns.get(campaign)
         return known.rig if known is not None and known.rig else self._rig_of(campaign)
 
     def document(self, *, after_line: int) -> dict[str, Any]:
-        """Return everything but signals, and the lines of the log after a number."""
+        """Return everything except signals, and the lines of the log after a number."""
         now = time.time()
         with self._lock:
             return {
@@ -265,7 +265,7 @@ class LabView:
         }
 
     def signals(self, seen: dict[str, tuple[int, int, int]]) -> list[dict[str, Any]]:
-        """Return what is new of each rig's run; `seen` (run, bucket length, buckets sent) is brought up to date."""
+        """Return the new part of each rig's run; `seen` (run, bucket length, buckets sent) is updated."""
         parts = []
         with self._lock:
             for name, rig in self._rigs.items():
@@ -278,7 +278,7 @@ class LabView:
                     sent = 0
                 if sent >= response.used and number == run.number:
                     continue
-                # The last bucket may grow yet.
+                # The last bucket may still grow.
                 first = max(0, sent - 1)
                 low, high = response.part(first)
                 drive_low, drive_high = run.drive.part(first)

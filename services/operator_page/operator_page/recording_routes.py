@@ -20,7 +20,7 @@ from operator_page.requests import Nothing
 MOST_RECORDINGS: Final = 500
 MOST_COMPARED: Final = 6
 
-# Of a report: scripts and styles that it carries itself, in its own origin.
+# Policy of a report: only its embedded scripts and styles, in a separate origin.
 REPORT_POLICY: Final = (
     "sandbox allow-scripts allow-downloads; default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
     "img-src data: blob:; font-src data:; frame-ancestors 'none'"
@@ -28,7 +28,7 @@ REPORT_POLICY: Final = (
 
 
 class RecordingRoutes:
-    """Answers about what the lab's recorder holds."""
+    """Endpoints for the recorder's recordings."""
 
     def __init__(self, lab: Lab, workers: Workers) -> None:
         self._lab, self._workers = lab, workers
@@ -76,7 +76,7 @@ class RecordingRoutes:
         return await self._made([asked.named("id")], "export", f"{what}.{suffix}", what)
 
     async def _made(self, ids: list[str], job: str, name: str, *values: Any) -> Response:
-        """Fetch recordings, have something made of them, and send it; nothing of it stays here."""
+        """Fetch recordings, run a job on them, and send the result; nothing of it is stored here."""
         passing = await self._workers.in_thread(
             partial(tempfile.TemporaryDirectory, prefix="duralab-page-", ignore_cleanup_errors=True)
         )
@@ -91,7 +91,7 @@ class RecordingRoutes:
         finally:
             await self._workers.in_thread(passing.cleanup)
         if name.endswith(".html"):
-            # It runs scripts of its own, apart from this page: it can neither read nor send anything.
+            # It runs its own scripts, separated from this page: it can neither read nor send anything.
             return Response(content, media_type="text/html", headers={"content-security-policy": REPORT_POLICY})
         disposition = f'attachment; filename="{ids[0]}.{name}"'
         return Response(content, media_type="application/octet-stream", headers={"content-disposition": disposition})

@@ -19,7 +19,7 @@ def _printable(text: str) -> str:
 
 Said = Annotated[str, StringConstraints(strip_whitespace=True, max_length=500)]
 Reason = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=500)]
-# It travels with every state of the rig.
+# It is part of every state of the rig.
 ResetReason = Annotated[
     str, StringConstraints(strip_whitespace=True, min_length=1, max_length=300), AfterValidator(_printable)
 ]
@@ -55,7 +55,7 @@ class Reset(Values):
 
 
 class Begin(Values):
-    """The campaign to begin: a shipped one, or a file of the page's folder."""
+    """Campaign to begin: a shipped one, or a file of the page's folder."""
 
     kind: Literal["shipped", "file"]
     name: Annotated[str, StringConstraints(pattern=CAMPAIGN_NAME)]
@@ -72,20 +72,20 @@ class Decide(Values):
 
 
 class Resume(Values):
-    """From which playback a campaign continues; 0 is the last."""
+    """Playback from which a campaign continues; 0 is the last."""
 
     from_iteration: int = Field(default=0, ge=0, lt=2**32)
 
 
 class Arm(Values):
-    """The first of two acts: what is to be done, and its values."""
+    """First of two acts: the action and its values."""
 
     action: Annotated[str, StringConstraints(pattern=r"^/api/[a-z0-9_/-]{1,250}$")]
     values: dict[str, Any]
 
 
 class CampaignDocument(Values):
-    """A campaign as its file would say it; saved where `save`, in the place of another one where `replace`."""
+    """A campaign in the form of its file; saved if `save`, also over an existing one if `replace`."""
 
     document: dict[str, Any]
     save: bool = False
@@ -93,7 +93,7 @@ class CampaignDocument(Values):
 
 
 class BeginEndurance(Values):
-    """The endurance test to begin: a schedule file of the page's folder."""
+    """Endurance test to begin: a schedule file of the page's folder."""
 
     name: Annotated[str, StringConstraints(pattern=CAMPAIGN_NAME)]
     seed: int = Field(default=0, ge=0, lt=2**63)
@@ -115,4 +115,4 @@ class DecideEndurance(Values):
 
 
 class ScheduleDocument(CampaignDocument):
-    """A schedule as its file would say it; a drive is a file of the page's folder or the id of a recording."""
+    """A schedule in the form of its file; a drive is a file of the page's folder or the id of a recording."""

@@ -1,4 +1,4 @@
-"""The page over HTTP: who may do what, and what every request has to show before it is looked at."""
+"""The page over HTTP: roles, and checks of every request before it is processed."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ HEARTBEAT_SECONDS: Final = 1.0
 LOCAL_OPERATOR: Final = "local operator"
 
 _TYPES: Final = {"html": "text/html", "js": "text/javascript", "css": "text/css", "svg": "image/svg+xml"}
-# Files that no page does without, sent as one: each request costs a page that is opened a few milliseconds.
+# Files that every page needs, sent as one: each request delays the opening of a page by a few milliseconds.
 _JOINED: Final = {
     "vendor.js": (("preact.js", "preact-hooks.js", "htm.js", "uplot.js"), b"\n;\n"),
     "page.css": (("uplot.css", "style.css"), b"\n"),
@@ -67,7 +67,7 @@ _STATUS: Final = (
 
 
 class PageServer:
-    """The page's answers; `app` is what a web server runs."""
+    """Endpoints of the page; `app` is the application for a web server."""
 
     def __init__(
         self,
@@ -127,10 +127,10 @@ class PageServer:
             *(endpoint for screen in self._screens for endpoint in screen.endpoints()),
         )
 
-    # What every request has to show.
+    # Checks of every request.
 
     def _is_own_name(self, host: str) -> bool:
-        """Return whether a browser reached the page by its own name: no other site's name may lead here."""
+        """Return whether a browser used one of the page's names, so that no other site's name can lead here."""
         try:
             name = urlsplit(f"//{host}").hostname
         except ValueError:
@@ -197,7 +197,7 @@ class PageServer:
     @staticmethod
     def _require_fresh(seen: object) -> None:
         age = time.time() - seen if isinstance(seen, int | float) and not isinstance(seen, bool) else float("inf")
-        # Its time comes from this process: none that is still to come was ever seen.
+        # The time comes from this process: a later time cannot have been seen.
         if not -0.5 <= age <= OLDEST_SECONDS:
             raise RefusedError(
                 409, "The page shows old data, so that nothing may move; wait for new ones.", field="seen"
@@ -278,7 +278,7 @@ class PageServer:
         answer.delete_cookie(COOKIE)
         return answer
 
-    # What is seen.
+    # State of the lab.
 
     async def _stream(self, asked: Asked) -> Response:
         if self.streams >= MOST_STREAMS:
@@ -308,12 +308,12 @@ class PageServer:
         finally:
             self.streams -= 1
 
-    # What is seen of a rig and a campaign.
+    # State of a rig and a campaign.
 
     async def _describe(self, asked: Asked) -> Mapping[str, Any]:
         return rig_document(await self._workers.in_thread(self._lab.describe, asked.named("rig")))
 
-    # What is done.
+    # Commands.
 
     async def _arm(self, asked: Asked) -> Mapping[str, Any]:
         if asked.session is None:

@@ -1,4 +1,4 @@
-"""The operator page on the bus: a client of the lab, as the command line is, behind a web server."""
+"""Operator page on the bus: a client of the lab, like the command line, behind a web server."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _END_SECONDS: Final = 2.0
 
 
 def build(config: PageConfig) -> Callable[[Bus], AbstractContextManager[object]]:
-    """Return what serves the page to browsers until the block ends."""
+    """Return a function that serves the page to browsers until the block ends."""
 
     @contextmanager
     def serve(bus: Bus) -> Iterator[PageServer]:
@@ -66,7 +66,7 @@ def _listen(config: PageConfig) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((config.host, config.port))
-        # From now on a browser waits, instead of being refused, until the web server runs.
+        # From now on browsers wait until the web server runs, and are not refused.
         listening.listen(128)
     except OSError as error:
         listening.close()
@@ -94,7 +94,7 @@ def _web_config(page: PageServer, config: PageConfig) -> uvicorn.Config:
             ssl_certfile=None if tls is None else str(tls.certificate),
             ssl_keyfile=None if tls is None else str(tls.key),
             ssl_ca_certs=None if authority is None else str(authority),
-            # Who shows none signs in with a password.
+            # People without a certificate sign in with a password.
             ssl_cert_reqs=ssl.CERT_NONE if authority is None else ssl.CERT_OPTIONAL,
         )
         made.load()

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from operator_page.accounts import PageRole
 
 MOST_SESSIONS = 1000
-"""Of more the one that was idle longest ends."""
+"""Largest number of sessions; beyond it the one that was idle longest ends."""
 
 
 @dataclass
@@ -25,10 +25,10 @@ class Session:
     name: str
     role: PageRole
     ends: float
-    # A page of another origin cannot read it, so that it cannot send it.
+    # A page of another origin cannot read the token, so it cannot send it.
     token: str = field(default_factory=lambda: secrets.token_urlsafe(32))
     used: float = 0.0
-    # Common name of the certificate that it began with: without that one its cookie is of no use.
+    # Common name of the certificate that it began with: its cookie is valid only with that certificate.
     certificate: str = ""
 
     def is_own(self, token: str) -> bool:
@@ -47,7 +47,7 @@ class Sessions:
     def begin(
         self, name: str, role: PageRole, *, certificate: str = "", seconds: float = math.inf
     ) -> tuple[str, Session]:
-        """Return the cookie of a new session, and the session; `seconds`: the longest that it may last."""
+        """Return the cookie of a new session, and the session; `seconds`: Longest duration of the session."""
         cookie = secrets.token_urlsafe(32)
         with self._lock:
             now = self._clock()
@@ -60,7 +60,7 @@ class Sessions:
         return cookie, session
 
     def find(self, cookie: str) -> Session | None:
-        """Return the session of a cookie; None where there is none, or it has ended."""
+        """Return the session of a cookie; None if there is none, or it has ended."""
         with self._lock:
             session, now = self._known.get(_hash(cookie)), self._clock()
             if session is None or session.ends <= now:
@@ -74,12 +74,12 @@ class Sessions:
             self._known.pop(_hash(cookie), None)
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of sessions."""
         return len(self._known)
 
 
 def _hash(cookie: str) -> str:
-    # Who reads the memory of this process finds no cookie in it.
+    # The memory of this process contains no cookies.
     return hashlib.sha256(cookie.encode("utf-8", "replace")).hexdigest()
 
 
@@ -94,7 +94,7 @@ class RateLimit:
         self._left: OrderedDict[Hashable, tuple[float, float]] = OrderedDict()
 
     def allows(self, key: Hashable, *, cost: float = 1.0) -> bool:
-        """Take one call of a key; False where there is none left now. A cost of 0 looks only."""
+        """Use one call of a key; return False if none is left now. A cost of 0 only checks."""
         with self._lock:
             now = self._clock()
             left, then = self._left.pop(key, (self._at_once, now))

@@ -1,4 +1,4 @@
-"""Around every answer: the name that the page is reached by, and headers that browsers obey."""
+"""Checks and headers of every answer: the name used for the page, and security headers for browsers."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ HEADERS: Final = {
 
 
 class Shell:
-    """Around everything: the name the page is reached by, and headers that browsers keep to."""
+    """Wrapper of the application: checks the name used for the page, and adds security headers."""
 
     def __init__(self, app: ASGIApp, is_own_name: Callable[[str], bool], config: PageConfig) -> None:
         self._app, self._is_own_name = app, is_own_name

@@ -7,7 +7,7 @@ from recorder.config import RecorderConfig
 from recorder.service import NAME, build
 
 HOSTED = HostedService(NAME, RecorderConfig, build)
-"""The service as one of several in a process."""
+"""The recorder as one of several services in a process."""
 
 if __name__ == "__main__":
     service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)

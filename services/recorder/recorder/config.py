@@ -23,15 +23,15 @@ def _check_viewer(viewer: str | None) -> str | None:
 class RecorderConfig(ServiceConfig):
     """Configuration of a recorder."""
 
-    # Where the recordings go; made if it is not there.
+    # Folder of the recordings; made if it does not exist.
     folder: Path = Path("recordings")
-    # A file that is as large is finished, and the recording continues in the next without a gap.
+    # A file of this size is finished, and the recording continues in the next file without a gap.
     split_size_mebibytes: Annotated[int, Field(ge=1, le=1024 * 1024)] = 512
-    # No playback is begun, and no interrupted recording resumed, while less is free on the folder's disk.
+    # No playback is begun, and no interrupted recording resumed, while less space is free on the folder's disk.
     least_free_mebibytes: Annotated[int, Field(ge=0, le=1024 * 1024)] = 256
     # Address of a Rerun viewer that shows everything live; the recorder itself opens no port.
     viewer: Annotated[str | None, AfterValidator(_check_viewer)] = None
     # Whether <recording>.rrd is written beside <recording>.mcap: what the viewer showed.
     live_file: bool = True
-    # Whether the lab is so new that no other recorder can be on its bus: the start does not wait to hear of one.
+    # Whether the lab is so new that its bus has no other recorder: the start does not wait to discover one.
     new_lab: bool = False

@@ -1,7 +1,7 @@
-"""MCAP files written: messages with their schemas, durable when asked, and the ending of a file after a kill.
+"""Writer of MCAP files: messages with their schemas, synced on request, and the repair of a file after a kill.
 
-Chunks of 1 MiB are packed with LZ4: measured signals shrink by nothing (they are noise in float64) and it costs them
-no time, while pauses, constant drives and texts shrink well. zstd gains 4 % on such signals for a third of the speed.
+Chunks of 1 MiB are packed with LZ4: measured signals (noise in float64) do not shrink but cost no time, while pauses,
+constant drives and texts shrink well. zstd gains 4 % on such signals for a third of the speed.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _LARGEST_SEQUENCE: Final = 2**32
 
 
 def sync_folder(folder: Path) -> None:
-    """Make the names within a folder durable: fsync of a file alone does not keep its name through a power cut."""
+    """Make the names within a folder durable: fsync of a file alone does not keep its name after a power cut."""
     descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)
@@ -44,7 +44,7 @@ def sync_folder(folder: Path) -> None:
 
 
 class _HashedStream:
-    """A file that is written from its start to its end, with the hash of all its bytes."""
+    """A file written from its start to its end, with the hash of all its bytes."""
 
     def __init__(self, path: Path) -> None:
         # A buffered stream: on an unbuffered one the writer never writes its footer.
@@ -81,18 +81,18 @@ class _HashedStream:
 
 
 class McapLog:
-    """A new MCAP file, open for writing; where something is there already, that stays unchanged (FileExistsError)."""
+    """A new MCAP file, open for writing; an existing file stays unchanged (FileExistsError)."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self._stream = _HashedStream(path)
         try:
             self._writer = Writer(
-                # It writes as a file does, and nothing else is asked of it.
+                # The writer calls only these methods of a file.
                 cast("IO[bytes]", self._stream),
                 chunk_size=CHUNK_BYTES,
                 compression=CompressionType.LZ4,
-                # Over everything before the index: what lies between the chunks has no checksum of its own.
+                # Checksum over everything before the index: data between the chunks has no other checksum.
                 enable_data_crcs=True,
             )
             self._writer.start(profile=PROFILE)
@@ -105,12 +105,12 @@ class McapLog:
             raise
         self._schemas: dict[tuple[str, bool], int] = {}
         self._channels: dict[tuple[str, bool, str], int] = {}
-        # Messages of each channel in the chunk that is being filled, and the chunks that are written.
+        # Number of messages of each channel in the chunk that is being filled, and the written chunks.
         self._filling: Counter[int] = Counter()
         self._chunks: dict[int, list[BlockPlace]] = {}
         self._unsynced = False
         self.synced_bytes = self._stream.tell()
-        """How much from the file's start on is known to be on the disk."""
+        """Number of bytes from the file's start that are known to be on the disk."""
 
     @property
     def bytes_written(self) -> int:
@@ -119,7 +119,7 @@ class McapLog:
 
     @property
     def sha256(self) -> str:
-        """SHA-256 (hexadecimal) of what was written so far, without the chunk being filled."""
+        """SHA-256 (hexadecimal) of the bytes written so far, without the chunk being filled."""
         return self._stream.sha256
 
     def add_message(
@@ -137,7 +137,7 @@ class McapLog:
 
         `sequence`: Number within the topic, of which MCAP keeps the lower 32 bits. `doubles`: Whether its arrays hold
         doubles only; see `describe_schema`. `publish_time`: Time of its first sample, in nanoseconds since 1970 UTC;
-        now where not given, as always for the log time.
+        the present time if not given. The log time is always the present time.
         """
         now = time.time_ns()
         channel = self._channel(topic, kind, metadata or {}, doubles=doubles)
@@ -154,7 +154,7 @@ class McapLog:
         self._unsynced = True
 
     def _note_chunk(self, before: int) -> None:
-        """Note which channels have messages in the chunk that was written at `before`, if one was."""
+        """Record which channels have messages in the chunk that was written at `before`, if one was."""
         if self._stream.tell() == before or not self._filling:
             return
         for channel, count in self._filling.items():
@@ -162,7 +162,7 @@ class McapLog:
         self._filling.clear()
 
     def places(self, topic: str, *, metadata: Mapping[str, str]) -> list[BlockPlace]:
-        """Return the chunks that hold the messages of a topic, in order; those that are not synced are left out."""
+        """Return the chunks with the messages of a topic, in order; chunks that are not synced are left out."""
         channels = [self._channels.get(_channel_key(topic, metadata, doubles=doubles)) for doubles in (False, True)]
         return [place for channel in channels if channel is not None for place in self._chunks.get(channel, [])]
 
@@ -190,7 +190,7 @@ class McapLog:
         self._unsynced = True
 
     def sync(self) -> None:
-        """Return when all that was added is on the disk."""
+        """Flush all added data to the disk."""
         if not self._unsynced:
             return
         before = self._stream.tell()
@@ -212,13 +212,13 @@ class McapLog:
             self._stream.close()
 
     def release(self) -> None:
-        """Release a file that cannot be written any more, without an end."""
-        # What is still buffered cannot be written either: closing tries it once more, and fails again.
+        """Close a file that cannot be written any more, without an end."""
+        # Closing tries to write the buffered data again, and fails again.
         with contextlib.suppress(OSError):
             self._stream.close()
 
     def abandon(self) -> None:
-        """Release the file and remove it."""
+        """Close the file and remove it."""
         self.release()
         self.path.unlink(missing_ok=True)
 
@@ -229,13 +229,13 @@ def _channel_key(topic: str, metadata: Mapping[str, str], *, doubles: bool) -> t
 
 _ARRAY: Final = array_pb2.Array.DESCRIPTOR
 _DATA: Final = "data"
-# A pair of doubles for each complex number.
+# A complex number is a pair of doubles.
 _DOUBLES: Final = frozenset({array_pb2.ELEMENT_TYPE_FLOAT64, array_pb2.ELEMENT_TYPE_COMPLEX128})
 
 
 def describe_schema(kind: type[Message], *, doubles: bool = False) -> bytes:
-    """Return the serialised FileDescriptorSet of a message: its file and all that it imports, dependencies first."""
-    # Of either implementation of the protobuf package, which share no type.
+    """Return the serialised FileDescriptorSet of a message: its file and all imported ones, dependencies first."""
+    # Descriptors of either implementation of the protobuf package; they have no common type.
     files: dict[str, Any] = {}
 
     def visit(file: Any) -> None:
@@ -258,7 +258,7 @@ def describe_schema(kind: type[Message], *, doubles: bool = False) -> bytes:
 
 
 def holds_doubles_only(message: Message) -> bool:
-    """Return whether every array within a message is of float64 or complex128, so that its elements read as doubles."""
+    """Return whether every array within a message is float64 or complex128, so that its elements read as doubles."""
     if isinstance(message, array_pb2.Array):
         return not message.data or message.element_type in _DOUBLES
     for field, value in message.ListFields():
@@ -274,9 +274,9 @@ _FOOTER_START: Final = struct.Struct("<BQQQ")
 
 
 def finish(path: Path, found: Unfinished, *, metadata: Mapping[str, Mapping[str, str]]) -> None:
-    """Cut off what is not whole, write an ending in its place, and return when it is on the disk.
+    """Cut off the incomplete data, write an end instead, and return when it is on the disk.
 
-    Where the disk refuses that, the file is left unchanged, without what was not whole.
+    If the disk refuses that, the file is left without an end and without the incomplete data.
     """
     with path.open("r+b") as stream:
         stream.truncate(found.end)

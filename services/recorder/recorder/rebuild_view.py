@@ -1,4 +1,4 @@
-"""The live view of a recording, made again: `python -m recorder.rebuild_view RECORDING.mcap … --out FILE.rrd`."""
+"""Rebuild the live view of a recording: `python -m recorder.rebuild_view RECORDING.mcap … --out FILE.rrd`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from recorder.live import LiveView, Shown, UnreadableFileError, recording_of, sh
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the view of a recording; 0 where it is written, also of a file that was cut off, which is reported."""
+    """Write the view of a recording; return 0 if it is written, also if a file has no end, which is reported."""
     parser = argparse.ArgumentParser(description="Make the live view of a recording again from its log.")
     parser.add_argument("files", type=Path, nargs="+", help="the recording's files, the first one first")
     parser.add_argument("--out", type=Path, required=True, help="the .rrd file to write")
@@ -23,7 +23,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except OSError as error:
         return _refuse(given.files, f"{error.filename} cannot be read ({error.strerror}); give its .mcap files")
     except RuntimeError as error:
-        # Of Rerun; those of a damaged file are told above.
+        # An error of Rerun; errors of a damaged file are reported above.
         return _refuse(given.files, f"its view {given.out} cannot be written ({error}); give another --out")
     if not shown.messages:
         return _refuse(given.files, "it holds no message that has a picture")
@@ -36,7 +36,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _write(files: Sequence[Path], out: Path) -> Shown:
-    """Write the view; nothing is left where it is not that of the whole recording."""
+    """Write the view; the output is removed if no message was drawn."""
     view = LiveView(recording_of(files), file=out, viewer=None)
     shown = Shown()
     try:

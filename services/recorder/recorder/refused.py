@@ -6,10 +6,10 @@ from duralab_proto.v1 import query_pb2
 
 
 class RefusedError(Exception):
-    """A request that is not granted.
+    """Refusal of a request.
 
-    `code`: Why, as the contract names it. `message`: One sentence: what was wrong with which value, what is allowed,
-    what to do. `field`: Path of the request's field that was wrong; empty where none is.
+    `code`: Reason, as named in the contract. `message`: One sentence with the wrong value, the allowed values and the
+    remedy. `field`: Path of the request's wrong field; empty if there is none.
     """
 
     def __init__(self, code: query_pb2.FaultCode, message: str, *, field: str = "") -> None:

@@ -1,4 +1,4 @@
-"""The recorder on the bus: turns queries and streams into calls of the archive, the catalogue and the live views."""
+"""Recorder on the bus: maps queries and streams to calls of the archive, the catalogue and the live views."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ from recorder.work_thread import WorkThread
 
 NAME: Final = "recorder"
 BLOCKS_WAIT_SECONDS: Final = 5.0
-"""Longest wait without a new one for published blocks that are not here, while the bus gets them from their spool."""
+"""Longest wait without a new block for missing published blocks, while the bus repairs them from their spool."""
 
 MOST_WAITING_FOR_POSES: Final = 5000
-"""Where so much waits for the disk already, poses are left out: nothing holds up who publishes them."""
+"""Number of jobs waiting for the disk from which poses are dropped: their publishers are not held up."""
 
 _POLL_SECONDS: Final = 0.01
-_SLOW_SECONDS: Final = 1.0  # What takes longer is told to who waits for it.
+_SLOW_SECONDS: Final = 1.0  # Longer waits are reported to the client.
 _END_SECONDS: Final = 1.0  # A service is given about 3 s to end.
 _NO_LABELS: Final[tuple[str, ...]] = ()
 
@@ -49,7 +49,7 @@ ResultT = TypeVar("ResultT")
 
 
 class RecorderService:
-    """Answers for one folder of recordings.
+    """Service for one folder of recordings.
 
     `config`: Its `folder` exists.
     """
@@ -63,7 +63,7 @@ class RecorderService:
         )
         self._intake = Intake()
         self._missing_blocks = 0
-        # The playback of each recording whose missing blocks were waited for last, in vain.
+        # Last playback of each recording whose missing blocks did not arrive in time.
         self._given_up: dict[str, tuple[str, str, int]] = {}
         self._marking: dict[type[Any], Subscription[Any]] = {}
         self._writer = WorkThread("recorder-writer", regularly=self._make_safe)
@@ -88,7 +88,7 @@ class RecorderService:
                 keys.campaign_event(ANY), iterator_pb2.CampaignEvent, self._taking(self._take_event), repair=True
             ),
         }
-        # As they come: a view can do without some of them.
+        # Without repair: a view may lack some poses.
         bus.subscribe(keys.rig_pose(ANY), rig_pb2.PoseBlock, self._on_pose)
         # Separate workers: reading recordings does not hold up a campaign.
         bus.serve(keys.commit(), recorder_pb2.CommitRequest, _granting(partial(self.commit, bus)), workers=4)
@@ -135,7 +135,7 @@ class RecorderService:
         self._mark()
 
     def commit(self, bus: Bus, request: recorder_pb2.CommitRequest, call: Call) -> recorder_pb2.CommitAck:
-        """Store a step; the answer says that it is on the disk."""
+        """Store a step; the answer states that it is on the disk."""
         name = checked_name(request.recording, field="recording")
         step = decode_step(request)
         samples_hash = ""
@@ -146,19 +146,19 @@ class RecorderService:
         self._on_writer(lambda: self._store(name, step, samples_hash), call)
         if isinstance(step.message, recorder_pb2.RecordingClosed):
             self._given_up.pop(name, None)
-            # Also where it was stored before: the disk may have refused the ending then.
+            # Also for a step stored before: the disk may have refused the end of the file then.
             if self._views:
                 self._views.finish(name)
         return recorder_pb2.CommitAck(recording=name, step=step.number, payload_hash=step.payload_hash)
 
     def list_recordings(self, request: recorder_pb2.ListRecordingsRequest, call: Call) -> recorder_pb2.RecordingList:
-        """Describe the recordings of the folder that are looked for, without their files' hashes."""
+        """Describe the recordings of the folder that match the search, without their files' hashes."""
         return self._listed(recordings_in(self._folder), request, call)
 
     def list_project_recordings(
         self, request: recorder_pb2.ListRecordingsRequest, call: Call
     ) -> recorder_pb2.RecordingList:
-        """Describe the same of one project alone."""
+        """Describe the matching recordings of one project."""
         project = project_of(call.key)
         return self._listed((name for name in recordings_in(self._folder) if in_project(name, project)), request, call)
 
@@ -180,7 +180,7 @@ class RecorderService:
         return read_part(self._folder, name, request)
 
     def steps(self, request: recorder_pb2.ReadStepsRequest, call: Call) -> recorder_pb2.RecordedSteps:
-        """Read the steps that were committed to a recording, also while it is written."""
+        """Read the committed steps of a recording, also while it is written."""
         name = _name_in(call.key)
         information = self._on_writer(lambda: self._archive.information(name), call)
         existing_file(self._folder, name)
@@ -195,7 +195,7 @@ class RecorderService:
         return read_window(self._folder, name, request)
 
     def verify(self, request: recorder_pb2.VerifyRecordingRequest, call: Call) -> recorder_pb2.VerifyResult:
-        """Read a closed recording from end to end and say what is wrong with it."""
+        """Read a closed recording from end to end and report its errors."""
         del request
         name = _name_in(call.key)
         self._refuse_open(name, call)
@@ -207,12 +207,12 @@ class RecorderService:
             written, waiting = self._on_writer(lambda: (archive.information(name), archive.waiting(name)), call)
             existing_file(self._folder, name)
             information = describe(self._folder, name, written=written, waiting=waiting, hashed=hashed)
-            # Once more where its writing began meanwhile: the file without an end is then not an abandoned one.
+            # Repeat if its writing began meanwhile: its file without an end is then not abandoned.
             if written is not None or name not in self._on_writer(archive.open_names, call):
                 return information
 
     def _described_if_there(self, name: str, call: Call) -> recorder_pb2.RecordingInfo | None:
-        """Describe a recording without hashes, a thousand are 100 GB; one that is gone or unreadable hides no other."""
+        """Describe a recording without hashes (1000 are 100 GB); a missing or unreadable one hides no other."""
         try:
             return self._describe(name, call, hashed=False)
         except (OSError, IndexError, RefusedError) as error:
@@ -231,7 +231,7 @@ class RecorderService:
             )
 
     def _hash_of_run(self, bus: Bus, name: str, step: PlaybackStep, call: Call) -> str:
-        """Return the hash of a run's samples as they are on the disk; empty where they are not whole."""
+        """Return the hash of a run's samples on the disk; empty if they are not complete."""
         self._on_writer(lambda: self._archive.go_on(name), call)
         rig = self._on_writer(lambda: self._archive.rig_of(name, step.run), call)
         if not rig:
@@ -250,7 +250,7 @@ class RecorderService:
     def _await_blocks(self, bus: Bus, name: str, played: recorder_pb2.RunPlayed, call: Call) -> bool:
         """Wait until every block of a playback is stored, and return whether it is.
 
-        The bus gets what does not come, for a bounded time, once for each playback.
+        The bus repairs missing blocks for a bounded time, once for each playback.
         """
         wanted = (played.rig, played.run, played.epoch)
         self._marking[rig_pb2.SignalBlock].expect(
@@ -266,7 +266,7 @@ class RecorderService:
             if wanted == self._given_up.get(name):
                 return False
             if call.cancelled:
-                # Neither given up nor stored: a step that is sent again waits for its blocks again.
+                # Neither given up nor stored: a step sent again waits for its blocks again.
                 raise RefusedError(
                     query_pb2.FAULT_CODE_CANCELLED,
                     f"The client stopped waiting while {missing} signal blocks were missing.",
@@ -288,12 +288,12 @@ class RecorderService:
         return True
 
     def _store(self, name: str, step: Step, samples_hash: str) -> None:
-        """Store a step and pass it on to its view: on the writer's thread, so that the view sees the log's order."""
+        """Store a step and draw it, on the writer's thread, so that the view has the order of the log."""
         if self._archive.commit(name, step, samples_hash=samples_hash) is Placement.NEW and self._views is not None:
             self._views.show_step(name, step.message)
 
     def _taking(self, take: Callable[[StreamItem[Any]], object]) -> Callable[[StreamItem[Any]], None]:
-        """Return what a subscription calls: it waits while too much is not yet on the disk."""
+        """Return the callback of a subscription: it waits while too much data is not yet on the disk."""
 
         def on_item(item: StreamItem[Any]) -> None:
             self._intake.admit(item)
@@ -305,9 +305,9 @@ class RecorderService:
         try:
             take(item)
         except Exception as error:
-            # Its publisher keeps it until it is told that it need not.
+            # Its publisher keeps it until it is acknowledged.
             self._archive.settle(item)
-            # Anybody may publish on a key that the contract does not know, e.g. iterator/event/start.
+            # Any client may publish on a key that is not in the contract, e.g. iterator/event/start.
             if not isinstance(error, ValueError):
                 raise
             self._log.warning("a stream message is refused", key=item.key, why=str(error))
@@ -336,7 +336,7 @@ class RecorderService:
             self._views.show_pose(recording, item.message)
 
     def _make_safe(self) -> None:
-        """Bring everything to the disk, and tell the publishers that they need not keep it any longer."""
+        """Flush to disk and acknowledge to the publishers."""
         self._archive.sync()
         self._mark()
 
@@ -344,11 +344,11 @@ class RecorderService:
         settled = self._archive.take_settled()
         self._intake.settle(settled)
         for kind, subscription in self._marking.items():
-            # Also none: a stream of which every message is refused is released by who is known to store.
+            # Also an empty list: it identifies the subscriber that stores, which releases a stream of refused messages.
             subscription.mark([item.position for item in settled if isinstance(item.message, kind)])
 
     def _on_writer(self, job: Callable[[], ResultT], call: Call | None = None) -> ResultT:
-        """Have the writer's thread do something and wait for it; a disk that is slow is reported to the asker."""
+        """Run a job on the writer's thread and wait for it; a slow disk is reported to the client."""
         future = self._writer.call(job)
         while True:
             try:
@@ -367,7 +367,7 @@ RequestT = TypeVar("RequestT")
 
 
 def _granting(handler: Callable[[RequestT, Call], ResultT]) -> Callable[[RequestT, Call], ResultT]:
-    """Return the handler with refusals answered as the bus's faults."""
+    """Return the handler with refusals converted to the bus's faults."""
 
     def handle(request: RequestT, call: Call) -> ResultT:
         try:
@@ -386,27 +386,27 @@ def _name_in(key: str) -> str:
 
 
 def build(config: RecorderConfig) -> Callable[[Bus], AbstractContextManager[object]]:
-    """Return what sets the recorder up on a bus and closes its files at the end.
+    """Return a function that starts the recorder on a bus and closes its files at the end.
 
     Parameters
     ----------
     config : RecorderConfig
-        Checked.
+        Checked configuration.
 
     Returns
     -------
     callable
-        Takes the bus; its context is the service at work.
+        Takes the bus; returns the context of the running service.
 
     Raises
     ------
     ConfigError
-        On entering it: the folder cannot be written, or the lab or the folder has a recorder already.
+        On entering the context: the folder cannot be written, or the lab or the folder already has a recorder.
     """
 
     @contextmanager
     def serve(bus: Bus) -> Iterator[RecorderService]:
-        # A second one would tell publishers to forget what only the first one knows to be of a recording.
+        # A second recorder would acknowledge messages that only the first one can assign to a recording.
         if not config.new_lab and bus.discover(NAME):
             raise ConfigError(f"Another recorder is on the bus of lab {bus.config.lab!r}; end it first.")
         with exclusive_folder(config.folder):

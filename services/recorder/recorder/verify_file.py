@@ -13,7 +13,7 @@ from recorder.reading import audit
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write the findings of a recording, a list of sentences as JSON; 1 where it cannot be read at all."""
+    """Write the findings of a recording as a JSON list of sentences; return 1 if it cannot be read at all."""
     parser = argparse.ArgumentParser(description="Read a recording from end to end and report each error in it.")
     parser.add_argument("file", type=Path, help="its first file; those that follow lie beside it")
     first = parser.parse_args(arguments).file

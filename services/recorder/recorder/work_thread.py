@@ -1,4 +1,4 @@
-"""A thread that does one thing after the other."""
+"""Thread that runs jobs one after the other."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ ResultT = TypeVar("ResultT")
 
 
 class WorkThread:
-    """Calls what it is given, in order, on one thread, so that what is called needs no lock.
+    """Runs the given jobs in order on one thread, so that the jobs need no lock.
 
-    `name`: Of the thread. `regularly`: Called at least every `period_seconds`, between two jobs however many there are.
-    `period_seconds`: Greater than 0.
+    `name`: Name of the thread. `regularly`: Function called at least every `period_seconds`, between two jobs,
+    regardless of their number. `period_seconds`: Greater than 0.
     """
 
     def __init__(self, name: str, *, regularly: Callable[[], None] | None = None, period_seconds: float = 0.25) -> None:
@@ -39,7 +39,7 @@ class WorkThread:
         return self._jobs.qsize()
 
     def call(self, job: Callable[[], ResultT]) -> Future[ResultT]:
-        """Have a job done and return the future of its result; cancelled where the thread has ended."""
+        """Submit a job and return the future of its result, which is cancelled if the thread has ended."""
         future: Future[ResultT] = Future()
 
         def run() -> None:
@@ -53,7 +53,7 @@ class WorkThread:
         return future
 
     def offer(self, job: Callable[[], object], *, most_waiting: int | None = None) -> bool:
-        """Have a job done whose result nobody waits for."""
+        """Submit a job without a result; return False if it is not accepted."""
         if most_waiting is not None and self.waiting >= most_waiting:
             return False
         with self._lock:
@@ -63,7 +63,7 @@ class WorkThread:
         return True
 
     def close(self, timeout_seconds: float) -> bool:
-        """Do what is waiting and end; return whether that was done in time."""
+        """Run the waiting jobs and end; return whether that was done in time."""
         with self._lock:
             if not self._closed:
                 self._closed = True
@@ -95,4 +95,4 @@ class WorkThread:
 
 
 def _nothing() -> None:
-    """Stand for a job where there is none."""
+    """Do nothing: the job of an empty queue."""

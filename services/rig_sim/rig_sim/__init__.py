@@ -1,4 +1,4 @@
-"""Multibody test rigs with servo-hydraulic actuators: Drake is the model and the judge, compiled code plays."""
+"""Multibody test rigs with servo-hydraulic actuators, modelled and verified with Drake, played by compiled code."""
 
 from duralab_gateway.motion import RigFaultError
 from rig_sim.engines import Engine, EngineChoice

@@ -1,6 +1,6 @@
 """`python -m rig_sim --config FILE`: run the rig simulator until it is asked to end.
 
-`--list` names the shipped rigs, `--specimens` says what their files hold; both as JSON.
+`--list` prints the titles of the shipped rigs, `--specimens` the content of their files; both as JSON.
 """
 
 import json
@@ -11,9 +11,9 @@ from duralab_gateway import SERVICE
 from rig_sim.loading import shipped_documents, shipped_titles
 from rig_sim.service import RigSimConfig, serve
 
-# The rigs declare themselves live: a specimen's file says its name, the configuration does not.
+# The rigs declare themselves live: their names are in the specimens' files, not in the configuration.
 HOSTED = HostedService(SERVICE, RigSimConfig, lambda config: lambda bus: serve(bus, config), instances=())
-"""The service as one of several in a process."""
+"""The rig simulator as one of several services in a process."""
 
 if __name__ == "__main__":
     listings = {"--list": shipped_titles, "--specimens": shipped_documents}

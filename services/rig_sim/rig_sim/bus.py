@@ -1,4 +1,4 @@
-"""A simulated rig as the gateway serves it: its description in the contract's words, and its playbacks."""
+"""A simulated rig behind the gateway: its description in the contract's terms, and its playbacks."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from rig_sim.playing import Lost, Playback, Rig, WearFile, WearState, gain_chang
 from rig_sim.specimen import InputChannel, Quantity
 from rig_sim.structure import StructureRig
 
-#: A simulation that runs ahead of the clock publishes so many blocks as one.
+#: Number of blocks that a simulation ahead of the clock publishes as one.
 _BLOCKS_TOGETHER = 4
 
 
 def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
-    """Return what a simulated rig says of itself, with the shapes of a multibody rig."""
+    """Return the description of a simulated rig, with the shapes of a multibody rig."""
     specimen = rig.specimen
     description = rig_pb2.RigDescription(
         rig=specimen.name,
@@ -58,20 +58,20 @@ def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
 
 
 def _wear_suffix(rig: Rig) -> str:
-    """Return what the description says of wear: the same before the first run and after the last."""
+    """Return the suffix of the description for wear, which is the same before the first run and after the last."""
     return f" [{rig.mounted}, WEARS: {', '.join(wear.name for wear in rig.specimen.wear)}]" if rig.wears else ""
 
 
 class SimulatedRig(PlaybackRig):
-    """A rig of this simulator, at rest, behind a gateway; it has nothing to stop and nothing to make ready.
+    """A rig of this simulator, at rest, behind a gateway; it needs no stop and no preparation.
 
-    One that wears keeps its state in a folder, or in memory where there is none. Raises `SpecimenError` where a state
-    in the folder is not of this rig.
+    A rig that wears keeps its state in a folder, or in memory if there is none. Raises `SpecimenError` if a state
+    in the folder is of another rig.
     """
 
     def __init__(self, rig: PlayableRig, *, wear_folder: Path | None = None) -> None:
         self._rig = rig
-        #: What the specimen has gone through.
+        #: Wear of the specimen so far.
         self.wear = WearState()
         self._wear_file: WearFile | None = None
         if isinstance(rig, Rig) and rig.wears and wear_folder is not None:
@@ -80,11 +80,11 @@ class SimulatedRig(PlaybackRig):
         self.approach = rig.specimen.approach
         self.watchdogs = rig.watchdogs
         if isinstance(rig, StructureRig):
-            # A rig that has it says that it knows its FRF.
+            # A rig with this attribute states its FRF.
             self.sampled_frf = rig.sampled_frf
 
     def describe(self) -> rig_pb2.RigDescription:
-        """Return what it is."""
+        """Return the description of the rig."""
         return describe_rig(self._rig)
 
     def playback(self, drive: np.ndarray, run: Run) -> DrivePlayback:
@@ -95,7 +95,7 @@ class SimulatedRig(PlaybackRig):
         return self._rig.playback(drive, seed=run.seed, condition=condition, at_end=self._wear_on)
 
     def follow_wear(self, metrics: Metrics) -> None:
-        """Register gauges of the wear, where there is any."""
+        """Register gauges of the wear, if there is any."""
         rig = self._rig
         if not isinstance(rig, Rig) or not rig.wears:
             return
@@ -151,6 +151,6 @@ def _drive_channel(channel: InputChannel) -> array_pb2.Channel:
         maximum=channel.maximum,
         slew_limit=channel.slew_limit,
         label=channel.label,
-        # A loop on displacement holds the specimen in place; a force on a loose one moves it without end.
+        # Displacement control holds the specimen in place; a constant force moves a free specimen without limit.
         holds_static=channel.quantity is Quantity.DISPLACEMENT,
     )

@@ -1,4 +1,4 @@
-"""From a YAML to a rig that plays: its `kind` says whether it is a structure, an FMU or a multibody specimen."""
+"""Loading of a rig from a YAML whose `kind` states whether it is a structure, an FMU or a multibody specimen."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def rig_name(path: Path) -> str:
-    """Return the name of the rig in a YAML; one made of the file's name where it says none that can be one.
+    """Return the name of the rig in a YAML; one made of the file's name if it states no valid name.
 
-    What is wrong with the YAML is said when the rig is loaded: until then, somebody has to be asked for it by name. So
-    a file's name is cut where it is longer than a key may hold; the reason tells all of it.
+    Errors of the YAML are reported when the rig is loaded; until then the rig needs a name for queries. A file's name
+    longer than a key allows is therefore shortened; the reported error has the whole name.
     """
     try:
         document = read_document(path)
@@ -36,12 +36,12 @@ def rig_name(path: Path) -> str:
 
 
 def shipped_titles() -> dict[str, str]:
-    """Return what is mounted on each shipped rig, as text, by its name; nothing is loaded for it."""
+    """Return the titles of the shipped rigs by name, without loading them."""
     return {name: read_document(path)["title"] for name, path in shipped_specimens().items()}
 
 
 def shipped_documents() -> dict[str, dict[str, object]]:
-    """Return where the YAML of each shipped rig is (`path`) and what it says (`document`), by name."""
+    """Return path (`path`) and content (`document`) of the YAML of each shipped rig, by name."""
     return {name: {"path": str(path), "document": read_document(path)} for name, path in shipped_specimens().items()}
 
 
@@ -69,23 +69,23 @@ def load_any_rig(
     Parameters
     ----------
     path : Path
-        The YAML; what it names lies beside it.
+        The YAML; the files that it names are in its folder.
     engines : mapping, optional
-        By the rig's name: what integrates it. A structure and an FMU take none.
+        Engine by the rig's name. A structure and an FMU take none.
     faults : mapping, optional
-        By the rig's name: faults to inject. A structure and an FMU take those of sensors.
+        Faults to inject, by the rig's name. A structure and an FMU take those of sensors.
     mounted : mapping, optional
-        By the rig's name: which specimen of its kind is mounted. Only for a rig that wears.
+        Name of the mounted specimen, by the rig's name. Only for a rig that wears.
 
     Returns
     -------
     PlayableRig
-        Of the kind that the YAML says.
+        Rig of the kind stated in the YAML.
 
     Raises
     ------
     SpecimenError, NoEquilibriumError, ProofError
-        Where the specimen cannot be used; one sentence each.
+        The specimen cannot be used; one sentence each.
     """
     document = read_document(path)
     kind = document.get("kind") if isinstance(document, dict) else None

@@ -14,7 +14,7 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
-#: Of a part or a channel.
+#: Name of a part or a channel.
 Name = Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
-#: Of a rig: it stands in the keys of the bus.
+#: Name of a rig, which is part of the bus keys.
 RigName = Annotated[Name, Field(max_length=LONGEST_NAME)]

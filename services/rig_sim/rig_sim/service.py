@@ -1,4 +1,4 @@
-"""The rig simulator on the bus: simulated rigs behind the gateway that any rig has."""
+"""Rig simulator on the bus: simulated rigs behind the gateway that any rig has."""
 
 from __future__ import annotations
 
@@ -37,11 +37,11 @@ class RigSimConfig(GatewayConfig):
     specimens: tuple[Path, ...] = ()
     #: Faults to inject, by the rig's name, for tests and rehearsals.
     faults: dict[str, tuple[Fault, ...]] = Field(default_factory=dict)
-    #: What integrates a rig, by the rig's name; the compiled player where nothing is said.
+    #: Engine by the rig's name; the compiled player by default.
     engines: dict[str, EngineChoice] = Field(default_factory=dict)
-    #: Where the wear of specimens lies on disk, so that it survives this process; in memory where not given.
+    #: Folder of the wear of specimens, so that it survives this process; in memory if not given.
     wear_folder: Path | None = None
-    #: Which specimen of its kind is mounted, by the name of a rig that wears; another name is a new specimen, or one
+    #: Name of the mounted specimen of its kind, by the name of a rig that wears; another name is a new specimen, or one
     #: that was mounted before.
     mounted: dict[str, Name] = Field(default_factory=dict)
 
@@ -78,7 +78,7 @@ def find_rigs(config: RigSimConfig) -> dict[str, Path]:
 def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
     """Load the configured rigs, each served and declared live as soon as it is ready, until the block ends.
 
-    A rig that cannot be used keeps no other from being served: its queries are answered with the reason.
+    A rig that cannot be used does not prevent others from being served: its queries are answered with the reason.
     """
     log = structlog.get_logger(SERVICE)
     servers: list[RigServer] = []
@@ -104,7 +104,7 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
                     channels=config.channels.get(name, ChannelTable()),
                 )
             )
-            # Last: whoever sees a rig may ask it.
+            # Last: a client that sees a rig may query it.
             bus.declare_live(SERVICE, name)
         if not servers:
             raise ConfigError(" ".join(refused.values()))

@@ -25,10 +25,10 @@ _LARGEST_ERROR = 1.0e-9
 
 
 class Poses:
-    """Forward kinematics of a tree, compiled: straight from Drake's positions to poses of all bodies but the world."""
+    """Compiled forward kinematics of a tree: from Drake's positions to poses of all bodies except the world."""
 
     def __init__(self, tree: MultibodyTree, *, key: str) -> None:
-        """Take the code of a key, which differs where the tree does, from disk where it was compiled before."""
+        """Load the code of a key, which differs if the tree does, from disk if it was compiled before."""
         self.bodies = tuple(body.name for body in tree.bodies[1:])
         still = np.zeros(tree.velocity_count)
 
@@ -45,14 +45,14 @@ class Poses:
                 state_names=tuple(f"position {index}" for index in range(len(tree.default_positions))),
                 input_names=(),
                 output_names=names,
-                # Some 10 µs for each instant that is drawn either way, and a quarter of a second sooner ready.
+                # Some 10 µs for each drawn instant in both cases, and ready a quarter of a second sooner.
                 lanes=False,
                 optimization=0,
                 shared=True,
             ),
         )
 
-        # What is on a disk may be anything.
+        # The content of a file may be wrong.
         design, found = tree.default_positions, self._compiled
         if (
             found.output_names != names
@@ -75,10 +75,10 @@ class Poses:
 
 
 def view_geometry(model_file: Path, assembly: Assembly) -> rig_pb2.RigDescription:
-    """Return bodies, shapes and links of a rig's description: what is drawn of it.
+    """Return the drawn bodies, shapes and links of a rig's description.
 
-    `model_file`: The SDF or URDF that the assembly's tree was read from. A visual that is no box, cylinder, sphere or
-    mesh is left out, and a mesh that is no OBJ is its convex hull.
+    `model_file`: The SDF or URDF that the assembly's tree was read from. A visual that is not a box, cylinder, sphere
+    or mesh is left out, and a mesh that is not OBJ is drawn as its convex hull.
     """
     tree = assembly.tree
     actuators = [
@@ -109,7 +109,7 @@ def view_geometry(model_file: Path, assembly: Assembly) -> rig_pb2.RigDescriptio
         drawn.shapes.append(shape)
         link(actuator.name, rig_pb2.LINK_KIND_ACTUATOR, joint.parent, foot, *_held(joint, tree))
     for spring in tree.springs:
-        # An actuator's own line already leads along its rod.
+        # An actuator's own line is already drawn along its rod.
         if not pistons & {spring.body_a, spring.body_b}:
             ends = (spring.body_a, spring.point_a, spring.body_b, spring.point_b)
             link(spring.name, rig_pb2.LINK_KIND_ROD, *ends)
@@ -118,7 +118,7 @@ def view_geometry(model_file: Path, assembly: Assembly) -> rig_pb2.RigDescriptio
             ends = (element.body_a, element.point_a, element.body_b, element.point_b)
             link(element.name, rig_pb2.LINK_KIND_STRUT, *ends)
         elif isinstance(element, AntiRollBar):
-            # The bar between its pivots, and from each pivot one line for lever and link: their joint is no body.
+            # The bar between its pivots, and from each pivot one line for lever and link, whose joint is not a body.
             bar, kind = element.body, rig_pb2.LINK_KIND_ANTI_ROLL_BAR
             link(element.name, kind, bar, element.levers[0].pivot, bar, element.levers[1].pivot)
             for side, lever in zip(("left", "right"), element.levers, strict=True):
@@ -127,7 +127,7 @@ def view_geometry(model_file: Path, assembly: Assembly) -> rig_pb2.RigDescriptio
 
 
 def _name(tree: MultibodyTree, body: int) -> str:
-    """Return the name of a body as messages have it: none for the world."""
+    """Return the name of a body in messages: empty for the world."""
     return tree.bodies[body].name if body else ""
 
 
@@ -172,7 +172,7 @@ def _wheels(assembly: Assembly) -> set[int]:
 
 
 def _solid(shape: object) -> dict[str, Any] | None:
-    """Return the field of a shape's message that says what solid it is; None for one that is not drawn."""
+    """Return the field of a shape's message with its solid; None for one that is not drawn."""
     match shape:
         case Box():
             x, y, z = np.array(shape.size(), dtype=float)
@@ -206,19 +206,19 @@ def _mesh(shape: Convex | Mesh) -> tuple[np.ndarray, list[list[int]]]:
 
 
 def _joint_at(tree: MultibodyTree, position: int) -> Joint:
-    # Mounted actuators sit on prismatic joints, whose one position is theirs alone.
+    # Mounted actuators are on prismatic joints, whose one position is not shared.
     return next(joint for joint in tree.joints if joint.position_start == position and joint.axis.any())
 
 
 def _cylinder(actuator: HydraulicActuator, joint: Joint, tree: MultibodyTree) -> tuple[rig_pb2.RigShape, np.ndarray]:
-    """Return the cylinder, which stands still, and its foot (3,) in the frame of the body that carries it."""
+    """Return the cylinder, which is fixed, and its foot (3,) in the frame of the body that carries it."""
     frame = joint.frame_on_parent
     axis = frame.rotation @ joint.axis
     half = actuator.cylinder.half_stroke
-    # The rod goes in through the mouth on the specimen's side; fully in, its head is at the mouth.
+    # The rod enters through the mouth on the specimen's side; fully in, its head is at the mouth.
     outward = 1.0 if float(joint.axis @ _reach(joint, tree)) >= 0.0 else -1.0
     mouth, foot = (frame.origin - outward * axis * half * count for count in (1.0, 3.0))
-    # The stub takes the vector's shape for its element type.
+    # The stub uses the vector's shape as its element type.
     along = cast(Any, outward * axis)
     rotation = np.array(RotationMatrix.MakeFromOneVector(along, axis_index=2).matrix())
     # A piston with a rod of half its area, as usual: a bore of twice the area that the oil presses on.
@@ -238,7 +238,7 @@ def _rod(joint: Joint, tree: MultibodyTree) -> SpringDamper | None:
 
 
 def _held(joint: Joint, tree: MultibodyTree) -> tuple[int, np.ndarray]:
-    """Return body and point that the actuator holds: the far end of its rod, or the piston itself."""
+    """Return the body and point held by the actuator: the far end of its rod, or the piston itself."""
     rod = _rod(joint, tree)
     if rod is None:
         return joint.child, joint.frame_on_child.origin
@@ -246,7 +246,7 @@ def _held(joint: Joint, tree: MultibodyTree) -> tuple[int, np.ndarray]:
 
 
 def _reach(joint: Joint, tree: MultibodyTree) -> np.ndarray:
-    """Return the way from the piston to what it holds, at the design position, in the joint's axes."""
+    """Return the vector from the piston to the held point, at the design position, in the joint's axes."""
     design = move(tree, tree.default_positions, np.zeros(tree.velocity_count)).poses
     held, point = _held(joint, tree)
     piston = design[joint.child] @ joint.frame_on_child

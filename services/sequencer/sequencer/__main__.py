@@ -4,12 +4,12 @@ from duralab_bus import HostedService, keep_few_arenas, service_main
 from sequencer.service import SERVICE, SequencerConfig, build
 
 HOSTED = HostedService(SERVICE, SequencerConfig, build)
-"""The service as one of several in a process."""
+"""The sequencer as one of several services in a process."""
 
 if __name__ == "__main__":
-    # Every test has its own thread, and holds its responses there.
+    # Every test has its own thread, which holds its responses.
     keep_few_arenas(2)
-    # Half a second and more of imports, which the first damage would wait for.
+    # These imports take half a second or more, which would delay the first damage figures.
     service_main(
         HOSTED.name,
         HOSTED.config_type,

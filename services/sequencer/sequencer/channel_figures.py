@@ -12,7 +12,7 @@ from duralab_proto.v1 import sequencer_pb2
 
 
 def damage_ratio(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
-    """Return the damage counted of each response over that planned of what was played; empty where it is not known."""
+    """Return the counted damage of each response over the planned damage of the played part; empty if unknown."""
     if not (status.HasField("damage") and status.HasField("damage_planned_so_far")):
         return {}
     counted, planned = (
@@ -38,4 +38,4 @@ CHANNEL_FIGURES: Final[Mapping[str, tuple[str, Callable[[sequencer_pb2.Endurance
     "damage_ratio": ("Damage of a response over the planned damage of the repeats played", damage_ratio),
     "residual": ("Residual of a response against its baseline in the last repeat, as a share of its RMS", residual),
 }
-"""By the end of their names: what they are, and how they are read from a status."""
+"""Description of each figure and its function of a status, by the end of the figure's name."""

@@ -1,4 +1,4 @@
-"""Repeats that are recorded with all samples: the first, every n-th, and those around an alarm."""
+"""Repeats recorded with all samples: the first, every n-th, and those around an alarm."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class HeldRepeat:
 class HeldFiles:
     """Held repeats of one endurance test on disk, one file each, so that a crash of the sequencer does not lose them.
 
-    `folder`: Of this test alone. `warn`: Called with a sentence where the disk fails. A file is whole or absent after a
-    crash of the process; it is not synchronised, so a loss of power may lose the last ones.
+    `folder`: Private folder of this test. `warn`: Called with a sentence if the disk fails. A file is whole or absent
+    after a crash of the process; it is not synchronised, so a loss of power may lose the last ones.
     """
 
     def __init__(self, folder: Path, *, warn: Callable[[str], object]) -> None:
@@ -38,7 +38,7 @@ class HeldFiles:
         self._warn = warn
 
     def read(self) -> list[HeldRepeat]:
-        """Return the repeats in order; one that cannot be read is logged and left out."""
+        """Return the repeats in order; an unreadable one is logged and left out."""
         found = []
         for path in sorted(self._folder.glob("*.npz")):
             try:
@@ -50,7 +50,7 @@ class HeldFiles:
         return found
 
     def write(self, held: HeldRepeat) -> None:
-        """Store a repeat; where the disk does not take it, it is held in memory only."""
+        """Store a repeat; if the disk refuses it, it is held in memory only."""
         path = self._path(held)
         try:
             self._folder.mkdir(parents=True, exist_ok=True)
@@ -78,10 +78,10 @@ class HeldFiles:
 
 
 class KeptSamples:
-    """The rule of a schedule, and the last responses in case an alarm asks for them.
+    """The rule of a schedule, and the last responses in case an alarm requires them.
 
-    `rule`: Of the schedule. `kept_before`: Repeats before this one are kept because of an alarm. `files`: Where held
-    repeats are stored too, if anywhere.
+    `rule`: Rule of the schedule. `kept_before`: Repeats before this one are kept because of an alarm. `files`: Files of
+    the held repeats, if any.
     """
 
     def __init__(self, rule: KeepRule, *, kept_before: int = 0, files: HeldFiles | None = None) -> None:
@@ -95,7 +95,7 @@ class KeptSamples:
         return repeat < self.kept_before or self._rule.keeps(nth)
 
     def restore(self, *, next_repeat: int, stored: set[int]) -> list[HeldRepeat]:
-        """Hold again what a crash left; return those that an alarm asked for and that were not `stored` before it."""
+        """Hold the repeats that a crash left; return those required by an alarm and not `stored` before it."""
         left = [] if self._files is None else self._files.read()
         owed = [held for held in left if held.repeat < self.kept_before and held.repeat not in stored]
         for held in left:
@@ -106,7 +106,7 @@ class KeptSamples:
         return [held for held in owed if held.repeat < next_repeat]
 
     def hold(self, held: HeldRepeat) -> None:
-        """Hold a repeat that was played until as many others follow as an alarm asks for."""
+        """Hold a played repeat until as many later ones are held as an alarm may require."""
         if len(self._held) == self._held.maxlen:
             self.forget(self._held[0])
         self._held.append(held)
@@ -124,11 +124,11 @@ class KeptSamples:
         return held
 
     def forget(self, held: HeldRepeat) -> None:
-        """Remove the file of a repeat that is recorded, or that no alarm can ask for any more."""
+        """Remove the file of a repeat that is recorded, or that no alarm can require any more."""
         if self._files is not None:
             self._files.remove(held)
 
     def close(self) -> None:
-        """Forget all; the test has ended."""
+        """Remove all files at the end of the test."""
         if self._files is not None:
             self._files.close()

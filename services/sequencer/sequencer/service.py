@@ -1,4 +1,4 @@
-"""The sequencer on the bus: starts endurance tests, tells about them, holds, resumes and stops them."""
+"""Sequencer on the bus: starts endurance tests, reports their status, holds, resumes and stops them."""
 
 from __future__ import annotations
 
@@ -40,38 +40,38 @@ from sequencer.kept_samples import HeldFiles
 SERVICE: Final = "sequencer"
 """Name of the service, as in its liveliness key."""
 
-# A stop waits so long for the test to end before it answers how far it got.
+# Longest wait of a stop for the end of the test before it answers with the status.
 _STOP_SECONDS: Final = 8.0
-# Ended tests whose status can still be asked for; the recorder knows the older ones.
+# Number of ended tests whose status is kept; the recorder has the older ones.
 _KEPT_STATUSES: Final = 20
-# The process ends within 3 s of being told to, with or without its tests.
+# The process must end within 3 s of the request, with or without its tests.
 _CLOSE_SECONDS: Final = 1.5
-# Events of all tests that are kept for who missed one, an eighth of it for each test: those of the last minute. Nothing
-# is lost with an older one, the next holds all that it did.
+# Spool of the events of all tests for subscribers that missed one, an eighth of it for each test: those of the last
+# minute. Losing an older event loses nothing, because the next event contains all its data.
 _EVENT_BYTES: Final = 16 * 1024 * 1024
 
 
 class SequencerConfig(ServiceConfig):
     """Configuration of the sequencer."""
 
-    # A test continues in another recording after so many: what a service holds of a recording is bounded by it.
+    # A test continues in another recording after this number of repeats, which bounds a service's data of a recording.
     repeats_per_recording: Annotated[int, Field(ge=1, le=100_000)] = 1000
-    # Folder of the last repeats, which an alarm may ask for; without it, a crash of the sequencer loses their samples.
+    # Folder of the last repeats, which an alarm may require; without it, a crash of the sequencer loses their samples.
     held_folder: Path | None = None
 
 
 @dataclass(frozen=True)
 class _Entry:
-    """A test of this process; one that has ended keeps its status only."""
+    """A test of this process; after its end only its status is kept."""
 
     test: EnduranceTest | None
     board: StatusBoard
 
 
 class SequencerService:
-    """Keeps the endurance tests of this process; one at a time on each rig. A context manager: leaving breaks them off.
+    """Manages the endurance tests of this process, one at a time on each rig; interrupts them on exit of the context.
 
-    `bus`: Its keys are served from the start.
+    `bus`: Bus whose keys are served from the start.
     """
 
     def __init__(self, bus: Bus, config: SequencerConfig) -> None:
@@ -79,14 +79,14 @@ class SequencerService:
         self._config = config
         self._lock = threading.Lock()
         self._entries: dict[str, _Entry] = {}
-        # Rig to the test that has it, from the checks to the end.
+        # Test that holds each rig, from the checks to the end.
         self._taken_rigs: dict[str, str] = {}
         self._spools = SpoolSpace(_EVENT_BYTES)
         self._register_metrics()
         keys = bus.keys
         bus.serve(keys.endurance_start(ANY), sequencer_pb2.EnduranceSpec, self.start)
         bus.serve(keys.endurance(ANY), sequencer_pb2.EnduranceRequest, self.status)
-        # Separate workers: a stop must get through whatever else is asked.
+        # Separate workers: a stop must not wait for other requests.
         bus.serve(keys.endurance_stop(ANY), sequencer_pb2.StopEnduranceRequest, self.stop, workers=4)
         bus.serve(keys.endurance_hold(ANY), sequencer_pb2.HoldEnduranceRequest, self.hold, workers=4)
         bus.serve(keys.endurance_resume(ANY, ANY), sequencer_pb2.ResumeEnduranceRequest, self.resume)
@@ -119,7 +119,7 @@ class SequencerService:
             return self._begin(plan, fresh_progress(plan))
 
     def resume(self, request: sequencer_pb2.ResumeEnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
-        """Continue after a hold of a person or a fault, or after a crash of the sequencer; answer at once."""
+        """Continue after a hold by a person or a fault, or after a crash of the sequencer; answer at once."""
         del request
         id = id_of(call.key)
         with self._lock:
@@ -135,7 +135,7 @@ class SequencerService:
         with self._admitting(id, recorded.spec.rig, again=True):
             description = described_rig(self._bus, recorded.spec.rig)
             require_same_rig(recorded, description)
-            # Only now nobody else can continue with it.
+            # Read again: only now no other request can continue it.
             recorded = read_endurance(self._bus, id)
             require_open(self._bus, recorded)
             go_on_recording(self._bus, recorded)
@@ -187,7 +187,7 @@ class SequencerService:
         return self._entry(id_of(call.key)).board.snapshot()
 
     def stop(self, request: sequencer_pb2.StopEnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
-        """End a test, and stop and latch its rig whatever that does; one that has ended stays unchanged."""
+        """End a test, and stop and latch its rig in any state; one that has ended stays unchanged."""
         entry = self._entry(id_of(call.key))
         if entry.test is not None:
             entry.test.stop(request.reason or "no reason was given")
@@ -196,13 +196,13 @@ class SequencerService:
         return entry.board.snapshot()
 
     def hold(self, request: sequencer_pb2.HoldEnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
-        """Have a test wait after the repeat that plays now."""
+        """Hold a test after the current repeat."""
         entry = self._entry(id_of(call.key))
         self._running_test(entry, call).hold(request.reason or "no reason was given")
         return entry.board.snapshot()
 
     def decide(self, request: sequencer_pb2.EnduranceDecision, call: Call) -> sequencer_pb2.EnduranceStatus:
-        """Take a person's decision on a hold; answer when it is stored."""
+        """Apply a person's decision on a hold; answer when it is stored."""
         entry = self._entry(id_of(call.key))
         test = self._running_test(entry, call)
         call.require_rig(test.rig, field="rig")
@@ -219,7 +219,7 @@ class SequencerService:
 
     @contextmanager
     def _admitting(self, id: str, rig: str, *, again: bool = False) -> Iterator[None]:
-        """Keep id and rig for a test that is being checked; release them where it is refused."""
+        """Reserve id and rig for a test that is being checked; release them if it is refused."""
         with self._lock:
             if (id in self._entries and not again) or id in self._taken_rigs.values():
                 raise _already_exists(id)
@@ -250,7 +250,7 @@ class SequencerService:
         return entry
 
     def _ended(self, id: str, rig: str) -> None:
-        """Free the rig, and release everything about a test but its status."""
+        """Free the rig, and drop all data of a test except its status."""
         with self._lock:
             self._entries[id] = _Entry(test=None, board=self._entries[id].board)
             ended = [each for each, entry in self._entries.items() if entry.test is None]
@@ -265,7 +265,7 @@ class SequencerService:
             try:
                 publisher.put(sequencer_pb2.EnduranceEvent(status=status))
             except (BusError, SpoolFullError) as error:
-                # Who watches may ask; the test continues.
+                # Clients may query the status; the test continues.
                 structlog.get_logger(SERVICE).warning("An event was not published.", test=id, why=str(error))
             if is_final(status):
                 publisher.close()
@@ -273,7 +273,7 @@ class SequencerService:
         return publish
 
     def _register_metrics(self) -> None:
-        """Register the figures of the running tests."""
+        """Register the metrics of the running tests."""
         readings: tuple[tuple[str, str, Callable[[sequencer_pb2.EnduranceStatus], float]], ...] = (
             ("repeats", "Repeats of the schedule", lambda status: status.repeats),
             ("played", "Repeats counted as played", lambda status: status.played),
@@ -325,16 +325,16 @@ def _already_exists(id: str) -> FaultError:
 
 
 def build(config: SequencerConfig) -> Callable[[Bus], AbstractContextManager[object]]:
-    """Return what sets the sequencer up on a bus.
+    """Return a function that starts the sequencer on a bus.
 
     Parameters
     ----------
     config : SequencerConfig
-        Checked.
+        Checked configuration.
 
     Returns
     -------
     callable
-        Takes the bus; its context is the service at work.
+        Takes the bus; returns the context of the running service.
     """
     return lambda bus: SequencerService(bus, config)

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 class EventTally:
     """Repeats and damage of one event.
 
-    `planned`: Repeats of the schedule. `planned_damage`, shape (responses,): Of one repeat; None where the schedule
-    names no target. `played`, `unknown`: Repeats counted, and those of them whose end is not known. `damage`,
-    `measured_damage`, shape (responses,): Of all repeats counted, and of those that were measured. `drive`: Index of
+    `planned`: Repeats of the schedule. `planned_damage`, shape (responses,): Damage of one repeat; None if the schedule
+    names no target. `played`, `unknown`: Counted repeats, and those of them with an unknown end. `damage`,
+    `measured_damage`, shape (responses,): Damage of all counted repeats, and of the measured ones. `drive`: Index of
     the drive in use.
     """
 
@@ -30,7 +30,7 @@ class EventTally:
 
     @classmethod
     def begun(cls, planned: int, planned_damage: NDArray[np.float64] | None, *, responses: int) -> EventTally:
-        """Return the tally of an event of which nothing was played."""
+        """Return the tally of an event without any repeat."""
         return cls(planned, planned_damage, np.zeros(responses), np.zeros(responses))
 
     def count_measured(self, damage: NDArray[np.float64]) -> None:
@@ -41,7 +41,7 @@ class EventTally:
         self.measured_damage = self.measured_damage + damage
 
     def count_unknown(self) -> NDArray[np.float64] | None:
-        """Count a repeat whose end is not known; return its damage, None where nothing tells what it may be."""
+        """Count a repeat with an unknown end; return its damage, None if it cannot be estimated."""
         damage = self.damage_per_repeat
         self.played += 1
         self.unknown += 1
@@ -51,14 +51,14 @@ class EventTally:
 
     @property
     def damage_per_repeat(self) -> NDArray[np.float64] | None:
-        """Damage of one repeat as planned, or the mean of those measured; None before the first of these."""
+        """Damage of one repeat as planned, or the mean of the measured ones; None before the first of these."""
         if self.planned_damage is not None:
             return self.planned_damage
         return self.measured_damage / self.measured if self.measured else None
 
 
 def total_damage(events: Sequence[EventTally]) -> NDArray[np.float64]:
-    """Return the damage counted, shape (responses,)."""
+    """Return the counted damage, shape (responses,)."""
     return np.sum([event.damage for event in events], axis=0)
 
 

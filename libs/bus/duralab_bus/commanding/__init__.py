@@ -1,4 +1,4 @@
-"""Commanding of a rig by a service: steps stored, the rig at rest."""
+"""Commanding of a rig by a service: storage of its steps, and rest of the rig."""
 
 from duralab_bus.commanding.ending import early_end, halt_rig
 from duralab_bus.commanding.recording_log import SAMPLES_LACK, RecordingLog

@@ -1,4 +1,4 @@
-"""The early end of what commands a rig, a campaign or an endurance test: its rig halted, its fault in one sentence."""
+"""Early end of a campaign or an endurance test: its rig halted, its fault in one sentence."""
 
 from __future__ import annotations
 
@@ -38,27 +38,27 @@ class EarlyEnd:
 def early_end(
     fault: FaultError, *, what: str, step: str, service: str, stopped: str | None, remedy: str = ""
 ) -> EarlyEnd:
-    """Return the end of something that was stopped or failed.
+    """Return the end of a campaign or test that was stopped or failed.
 
     Parameters
     ----------
     fault : FaultError
-        What ended it.
+        Fault that ended it.
     what : str
-        Its kind, e.g. "campaign".
+        Kind of the work, e.g. "campaign".
     step : str
-        What it did then, e.g. "identifying front_axle".
+        Present step, e.g. "identifying front_axle".
     service : str
-        This service; named where the fault names none.
+        Name of this service; used if the fault names none.
     stopped : str or None
-        Why it was stopped; None if it failed.
+        Reason of the stop; None if it failed.
     remedy : str
         Sentence that follows a failure.
 
     Returns
     -------
     EarlyEnd
-        For the final status.
+        Activity and fault for the final status.
     """
     if stopped is not None:
         code, activity = query_pb2.FAULT_CODE_CANCELLED, f"stopped while {step}"
@@ -71,22 +71,22 @@ def early_end(
 
 
 def halt_rig(bus: Bus, rig: str, final: EndStatus, *, run: str, reason: str, latch: bool) -> None:
-    """Bring a rig to rest, and latch it where `latch` is set; add to the final status where that failed.
+    """Bring a rig to rest, and latch it if `latch` is set; add a failure of that to the final status.
 
     Parameters
     ----------
     bus : Bus
-        Where the rig is.
+        Bus of the rig.
     rig : str
-        Its name.
+        Name of the rig.
     final : EndStatus
-        Of what commanded it. Its fault says why; where it has none, `reason` does.
+        Final status of the commanding campaign or test. The reason is the message of its fault, or `reason` if empty.
     run : str
-        Run that was broken off; empty if the rig played none.
+        Run that was aborted; empty if the rig played none.
     reason : str
-        Why it is stopped.
+        Reason of the stop.
     latch : bool
-        Latch it in every state.
+        Whether to latch the rig in every state.
     """
     why = final.fault.message or reason
     halt: Callable[..., str] = latch_rig if latch else bring_to_rest

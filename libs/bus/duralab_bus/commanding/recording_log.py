@@ -1,4 +1,4 @@
-"""The steps of a recording on their way to the recorder: numbered, and each acknowledged before the next."""
+"""Sends the steps of a recording to the recorder: numbered, and each acknowledged before the next."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from duralab_bus.queries import OVERDUE
 from duralab_proto.v1 import query_pb2, recorder_pb2
 
 _ROOM_RETRY_SECONDS: Final = 1.0
-# Two commits for each repeat of an endurance test: the bus holds memory of each for this time.
+# Two commits for each repeat of an endurance test: Zenoh holds memory of each for this time.
 _COMMIT_SECONDS: Final = 60.0
 # A step that takes longer to be stored is a pause, and is shown as one.
 _SLOW_SECONDS: Final = 1.0
 
 
 SAMPLES_LACK: Final = (query_pb2.FAULT_CODE_FAILED_PRECONDITION, "payload.samples_hash")
-"""Code and field of the fault for a step whose run the recorder does not hold as it was played."""
+"""Code and field of the fault for a step whose run the recorder does not hold as played."""
 
 
 _AWAY: Final = frozenset({query_pb2.FAULT_CODE_UNAVAILABLE, query_pb2.FAULT_CODE_DEADLINE_EXCEEDED})
@@ -35,18 +35,18 @@ class RecordingLog:
     Parameters
     ----------
     bus : Bus
-        Where the recorder is.
+        Bus of the recorder.
     recording : str
         Id of the recording.
     next_step : int
-        Number of the first step to store; more than 0 where the recorder holds some already.
+        Number of the first step to store; more than 0 if the recorder already holds some.
     stop : threading.Event, optional
-        Where given, a step that the recorder's disk has no room for is sent again until it has, or until this is set.
+        If given, a step that the recorder's disk has no room for is sent again until it has room or this is set.
     on_wait : callable, optional
-        Called with the reason while a step waits, and with an empty text when it is stored.
+        Called with the reason while a step waits, and with an empty string when it is stored.
     outlasts_recorder : bool
-        Whether a step is also sent again, until `stop` is set, while the recorder is away: it knows by number and hash
-        what it has stored.
+        Whether a step is also sent again, until `stop` is set, while the recorder is away: the recorder recognises
+        stored steps by number and hash.
     """
 
     def __init__(
@@ -79,16 +79,16 @@ class RecordingLog:
         return self._next_step > 0
 
     def commit(self, message: Message) -> None:
-        """Store a step durably; return when the recorder has acknowledged what it holds on disk."""
+        """Store a step durably; return when the recorder has acknowledged that it is on disk."""
         self._send(self._next_step, message)
         self._next_step += 1
 
     def confirm(self, last: Message) -> None:
-        """Have the recorder acknowledge the last step once more: proof that it continues with this recording."""
+        """Have the recorder acknowledge the last step again: proof that it continues with this recording."""
         self._send(self._next_step - 1, last)
 
     def _send(self, step: int, message: Message) -> None:
-        # The same message must be the same bytes: a step that is sent again is distinguished from another by its hash.
+        # The same message must give the same bytes: the recorder recognises a step that is sent again by its hash.
         payload = message.SerializeToString(deterministic=True)
         acknowledged = self._acknowledged(
             recorder_pb2.CommitRequest(
@@ -106,7 +106,7 @@ class RecordingLog:
             )
 
     def _acknowledged(self, request: recorder_pb2.CommitRequest) -> recorder_pb2.CommitAck:
-        """Send a step, again while the recorder's disk is full or slow or the recorder is away: nothing is lost."""
+        """Send a step; repeat it while the recorder's disk is full or slow or the recorder is away: no step is lost."""
         waited, begun = False, time.monotonic()
 
         def on_progress(progress: query_pb2.Progress) -> None:
@@ -126,7 +126,7 @@ class RecordingLog:
                 )
             except FaultError as fault:
                 if (fault.code, fault.field) == OVERDUE:
-                    # It lives and works on it; it knows the step by number and hash when it comes again.
+                    # The recorder still works on the step; it recognises it by number and hash when it is sent again.
                     continue
                 if fault.code not in self._waits_for or self._stop is None or self._stop.is_set():
                     raise

@@ -1,4 +1,4 @@
-"""Whether a rig can play now."""
+"""Check of whether a rig can play now."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ def described_rig(bus: Bus, rig: str) -> rig_pb2.RigDescription:
     Parameters
     ----------
     bus : Bus
-        Where the rig is.
+        Bus of the rig.
     rig : str
-        Its name.
+        Name of the rig.
 
     Returns
     -------
     duralab.v1.RigDescription
-        As the rig answers.
+        Description that the rig answers.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Making sure that a rig rests after a playback was broken off, and that a stop latches it."""
+"""Rest of a rig after an aborted playback, and its latch after a stop."""
 
 from __future__ import annotations
 
@@ -11,33 +11,33 @@ from duralab_bus.bus import Bus
 from duralab_bus.faults import FaultError
 from duralab_proto.v1 import rig_pb2
 
-# A cancelled playback reaches the rig through the identifier too; it needs this long to be released and ramp down.
+# A cancelled playback also reaches the rig through the identifier; it needs this time to be released and ramp down.
 _PATIENCE_SECONDS: Final = 2.0
 _POLL_SECONDS: Final = 0.1
-# A cancelled identification may still be about to play: a service learns of it 0.3 s after its client let go.
+# A cancelled identification may still be about to play: a service notices 0.3 s after its client withdrew.
 _REST_SECONDS: Final = 0.6
 _SILENCE_SECONDS: Final = 2.0
 _UNKNOWN: Final = "it is not known whether the rig rests; look at it"
 
 
 def latch_rig(bus: Bus, rig: str, *, run: str, reason: str) -> str:
-    """Stop a rig, in every state: it ramps down where it plays, and is latched in any case.
+    """Stop a rig in every state: it ramps down if it plays, and is latched in any case.
 
     Parameters
     ----------
     bus : Bus
-        Where the rig is.
+        Bus of the rig.
     rig : str
-        Its name.
+        Name of the rig.
     run : str
-        The run that the caller waits for; a rig that plays another one is left alone. Empty where it waits for none.
+        Run that the caller waits for; a rig that plays another one is left alone. Empty if it waits for none.
     reason : str
-        Why, as text; the rig keeps it.
+        Reason as text; the rig keeps it.
 
     Returns
     -------
     str
-        State of the rig afterwards, as text; empty where it rests.
+        State of the rig afterwards, as text; empty if it rests.
     """
     try:
         state = _state_of(bus, rig)
@@ -49,23 +49,23 @@ def latch_rig(bus: Bus, rig: str, *, run: str, reason: str) -> str:
 
 
 def bring_to_rest(bus: Bus, rig: str, *, run: str, reason: str) -> str:
-    """Wait until a rig whose playback was cancelled rests; stop it, which latches it, where it plays on.
+    """Wait until a rig whose playback was cancelled rests; stop it, which latches it, if it continues to play.
 
     Parameters
     ----------
     bus : Bus
-        Where the rig is.
+        Bus of the rig.
     rig : str
-        Its name.
+        Name of the rig.
     run : str
-        The run that was cancelled.
+        Run that was cancelled.
     reason : str
-        Why it is stopped where it plays on.
+        Reason of the stop if the rig continues to play.
 
     Returns
     -------
     str
-        State of the rig afterwards, as text; empty where it rests.
+        State of the rig afterwards, as text; empty if it rests.
     """
     begun = time.monotonic()
     until, resting_since = begun + _PATIENCE_SECONDS, begun
@@ -74,7 +74,7 @@ def bring_to_rest(bus: Bus, rig: str, *, run: str, reason: str) -> str:
             state = _state_of(bus, rig)
             now = time.monotonic()
             if state.run == run:
-                # In whatever mode: a rig that is latched may still be on its way down.
+                # In any mode: a rig that is latched may still ramp down.
                 resting_since = now
             elif now - resting_since >= _REST_SECONDS or state.mode == rig_pb2.RIG_MODE_INTERLOCKED:
                 return ""
@@ -93,7 +93,7 @@ def _state_of(bus: Bus, rig: str) -> rig_pb2.RigState:
 
 
 def _stopped(bus: Bus, rig: str, *, reason: str) -> str:
-    """Stop a rig; return what is the matter with it afterwards, empty where it rests."""
+    """Stop a rig; return its remaining problem as text, empty if it rests."""
     state = bus.query(bus.keys.rig_stop(rig), rig_pb2.StopRequest(reason=reason), rig_pb2.RigState)
     structlog.get_logger("duralab_bus").warning("The rig was stopped.", rig=rig, reason=reason, goes_on=state.run)
     if state.run:

@@ -1,4 +1,4 @@
-"""A service as a process: settings, logs, signals, hosting several in one, and diagnosis."""
+"""Process of a service: settings, logs, signals, several services in one process, and diagnosis."""
 
 from duralab_bus.process.background_imports import import_in_background
 from duralab_bus.process.hosting import HostedService, host_services

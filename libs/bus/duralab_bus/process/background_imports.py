@@ -1,4 +1,4 @@
-"""Imports that a process needs soon, but not yet."""
+"""Imports in the background, of modules that a process needs later."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from threading import Thread, get_native_id
 from typing import Final
 
 _NICENESS: Final = 5
-"""Of the thread that imports, above its process: a rig that is being loaded comes first."""
+"""Niceness of the importing thread above its process: a rig that is being loaded comes first."""
 
 
 def import_in_background(*modules: str) -> None:
@@ -23,7 +23,7 @@ def import_in_background(*modules: str) -> None:
     """
 
     def work() -> None:
-        # Only Linux has a niceness of each thread.
+        # Only Linux has a niceness for each thread.
         if sys.platform == "linux":
             own = os.getpriority(os.PRIO_PROCESS, 0)
             os.setpriority(os.PRIO_PROCESS, get_native_id(), own + _NICENESS)

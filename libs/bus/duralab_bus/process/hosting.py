@@ -1,4 +1,4 @@
-"""Services in one process on one bus: what a sweep's worker has instead of a process for each of them."""
+"""Services in one process on one bus, for a sweep's worker: it needs no process for each of them."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from duralab_proto.keys import MAIN_INSTANCE
 from duralab_settings import explain_validation
 
 GROUP: Final = "duralab.services"
-"""Entry points under which the installed services name what they are made of."""
+"""Group of the entry points in which installed services name their `HostedService`."""
 
 
 @dataclass(frozen=True)
 class HostedService:
-    """Parts of a service, with or without its own process.
+    """Parts of a service, with or without a separate process.
 
     Parameters
     ----------
     name : str
-        As in its liveliness key.
+        Name of the service, as in its liveliness key.
     config_type : type
-        Its configuration.
+        Type of its configuration.
     build : callable
-        Given the configuration, returns what sets it up on a bus; see `run_service`.
+        Takes the configuration and returns the function that sets the service up on a bus; see `run_service`.
     instances : tuple of str
-        What is declared live when it stands; none where the service does so itself.
+        Instances that are declared live after the set-up; empty if the service declares them itself.
     """
 
     name: str
@@ -43,7 +43,7 @@ class HostedService:
 
 
 def installed_services() -> dict[str, HostedService]:
-    """Return the services that are installed here, by name; all of them are imported."""
+    """Return the installed services by name; all of them are imported."""
     return {entry.name: entry.load() for entry in entry_points(group=GROUP)}
 
 
@@ -53,22 +53,22 @@ def host_services(
 ) -> Iterator[None]:
     """Run services in this process, on one session, until the block ends.
 
-    No message leaves the process: a query or a block of a stream is a call from one thread to another. Nothing keeps
-    one service from taking the others with it, which a rehearsal may accept and a lab may not.
+    No message leaves the process: a query or a block of a stream is a call from one thread to another. A crash of one
+    service ends the others too, which is acceptable for a rehearsal but not for a lab.
 
     Parameters
     ----------
     bus : Bus
-        The session of all of them; with workers for all of them.
+        Session of all services, with workers for all of them.
     settings : mapping
-        Configuration of each service by its name, without its bus. They are ended in the reverse order.
+        Configuration of each service by its name, without its bus. The services end in the reverse order.
     among : mapping, optional
-        The services by name; those that are installed where not given.
+        Services by name; the installed ones if omitted.
 
     Returns
     -------
     context manager
-        The services at work; gives nothing.
+        Context in which the services run; yields None.
 
     Raises
     ------
@@ -90,6 +90,6 @@ def host_services(
                 stack.enter_context(context)
             for instance in service.instances:
                 bus.declare_live(name, instance)
-        # Before what was built is taken apart: a handler may be using it.
+        # First, so that no handler uses the services' contexts while they are closed.
         stack.callback(bus.stop_serving)
         yield

@@ -13,7 +13,7 @@ from structlog.typing import EventDict, Processor, WrappedLogger
 
 
 class _StandardError:
-    """Writes whole lines. A service whose reader has gone has nobody to tell, and must still end in order."""
+    """Writer of whole lines. A service whose log has no reader any more must still end in order."""
 
     def __init__(self, stream: TextIO | None) -> None:
         self._lock = threading.Lock()
@@ -35,13 +35,13 @@ def configure_logs(service: str, *, stream: TextIO | None = None) -> None:
     Parameters
     ----------
     service : str
-        Its name, in every line.
+        Name of the service, in every line.
     stream : TextIO, optional
-        Where they go; standard error where none is given.
+        Stream for the lines; standard error if omitted.
 
     Notes
     -----
-    What is bound by `structlog.contextvars.bind_contextvars`, such as a run, is added to every line of that thread.
+    Values bound by `structlog.contextvars.bind_contextvars`, such as a run, are added to every line of that thread.
     """
 
     def add_service(_logger: WrappedLogger, _method: str, event: EventDict) -> EventDict:

@@ -1,4 +1,4 @@
-"""A service as a process: configuration, log, bus, liveliness, an end in time, and what it is doing."""
+"""Process of a service: configuration, log, bus, liveliness, end within a time limit, and diagnosis."""
 
 from __future__ import annotations
 
@@ -32,14 +32,14 @@ from duralab_proto.keys import MAIN_INSTANCE
 
 
 def stacks() -> dict[str, list[str]]:
-    """Return where every thread is, the outermost call first.
+    """Return the call stack of every thread, the outermost call first.
 
-    Not by faulthandler, which reads the frames of threads while they run: of three dozen processes that were told to
-    end meanwhile, one crashed.
+    faulthandler is not used: it reads the frames of threads while they run. Of three dozen processes that were asked
+    to end meanwhile, one crashed.
     """
     names = {thread.ident: thread.name for thread in threading.enumerate()}
     return {
-        # Without the lines' text: no file is read while a rig plays.
+        # Without the source lines: no file is read while a rig plays.
         f"{names.get(number, 'native')} {number}": [
             f"{call.f_code.co_filename}:{line} {call.f_code.co_name}"
             for call, line in reversed(list(traceback.walk_stack(frame)))
@@ -49,18 +49,18 @@ def stacks() -> dict[str, list[str]]:
 
 
 def log_stacks() -> None:
-    """Log where every thread is."""
+    """Log the call stack of every thread."""
     structlog.get_logger("duralab_bus").warning("asked where the threads are", threads=stacks())
 
 
 def log_stacks_on_signal() -> None:
-    """Have SIGUSR1 log where every thread is, in a process that is no service; called on the main thread.
+    """Log the call stacks of all threads on SIGUSR1, in a process that is not a service; call on the main thread.
 
-    Windows has no such signal: nothing is done there.
+    Windows has no such signal: nothing happens there.
     """
     if sys.platform == "win32":
         return
-    # On its own thread: the main one may be in the middle of a line of the log.
+    # On a separate thread: the main one may be in the middle of a line of the log.
     signal.signal(signal.SIGUSR1, lambda _number, _frame: threading.Thread(target=log_stacks, daemon=True).start())
 
 
@@ -77,11 +77,11 @@ class ServiceConfig(BaseModel):
     bus: BusConfig = BusConfig()
     # End when standard input ends: the supervisor holds the other end of the pipe, so that no service outlives it.
     exit_with_parent: bool = False
-    # Where its figures are told to Prometheus; nowhere where not given.
+    # Address for Prometheus; no metrics are served if omitted.
     metrics: MetricsConfig | None = None
-    # Queries of one key answered at once.
+    # Number of queries of one key that are answered at once.
     workers: int = Field(default=4, ge=1, le=64)
-    # Existing folder for a trace of what its time is spent on; none is made where not given.
+    # Existing folder for a trace of its work; no trace is written if omitted.
     trace_folder: DirectoryPath | None = None
 
 
@@ -98,13 +98,13 @@ def run_service(
     instances: Sequence[str] = (MAIN_INSTANCE,),
     needs_later: Sequence[str] = (),
 ) -> None:
-    """Run a service until it is asked to end.
+    """Run a service until a stop is requested.
 
-    `build` is called with the open bus and declares what it serves. It may return a context manager, entered at once
+    `build` is called with the open bus and declares the served keys. It may return a context manager, entered at once
     and left before the bus closes. Instances are declared live after everything else: the rigs of rig_sim, "main" of
     the others. `needs_later` is imported after that. Ends the process with code 2 after one sentence on standard error
-    when the bus or the service cannot be set up as configured. SIGTERM, SIGINT and, with `exit_with_parent`, the end of
-    standard input make it return, within 3 s. SIGUSR1, where the system has it, makes it log where its threads are.
+    when the bus or the service cannot be set up as configured. Returns within 3 s after SIGTERM, SIGINT or, with
+    `exit_with_parent`, the end of standard input. Logs its threads' call stacks on SIGUSR1, if the system has it.
     """
     configure_logs(name)
     log = structlog.get_logger(name)
@@ -122,7 +122,7 @@ def run_service(
             metrics = stack.enter_context(serve_metrics(config.metrics, bus.metrics)) if config.metrics else None
         except (BusError, ConfigError, FaultError) as error:
             _refuse(error)
-        # Who sees the token may ask, and a handler may run from then on: a signal must not cut in any more.
+        # Clients that see the token may send queries, so a handler may run from here on: no signal may interrupt it.
         stop.set_up()
         for instance in instances:
             bus.declare_live(name, instance)
@@ -131,7 +131,7 @@ def run_service(
         log.info("ready", instances=list(instances), listening=list(bus.listening), lab=config.bus.lab, metrics=metrics)
         stop.wait()
         log.info("ending", why=stop.reason)
-        # Before what `build` made is taken apart: a handler may be using it.
+        # First, so that no handler uses the context of `build` while it is closed.
         bus.stop_serving()
     log.info("ended")
 
@@ -149,15 +149,15 @@ def service_main(
     Parameters
     ----------
     name : str
-        Of the service.
+        Name of the service.
     config_type : type
-        Its configuration.
+        Type of its configuration.
     build : callable
-        Given the configuration, returns what `run_service` calls with the bus.
+        Takes the configuration and returns the function that `run_service` calls with the bus.
     instances : callable, optional
-        Given the configuration, returns the instances to declare live.
+        Takes the configuration and returns the instances to declare live.
     needs_later : sequence of str
-        Modules that its work needs and its start does not: imported once it serves.
+        Modules that its work needs and its start does not: imported after it is ready.
     """
     parser = argparse.ArgumentParser(prog=f"python -m {name}", description=f"The {name} of a Duralab lab.")
     parser.add_argument("--config", type=Path, metavar="FILE", help="YAML file; the defaults where not given")
@@ -167,8 +167,8 @@ def service_main(
     except ConfigError as error:
         _refuse(error)
     run_service(name, config, build(config), instances=instances(config), needs_later=needs_later)
-    # Everything is closed and written. Daemon threads of handlers and native libraries may still hold a lock, that of
-    # the log too: the interpreter's own way out would abort on it now and then.
+    # Everything is closed and written. Daemon threads of handlers and native libraries may still hold a lock, also that
+    # of the log: the interpreter's normal exit would sometimes abort on it.
     sys.stderr.flush()
     os._exit(0)
 
@@ -179,32 +179,32 @@ def _refuse(error: Exception) -> NoReturn:
 
 
 class _StopSignal:
-    """Whatever tells the process to end: signals, or the end of standard input.
+    """Requests to end the process: signals, or the end of standard input.
 
-    A signal handler may interrupt anything, also a lock being taken; so it sets a flag and writes to a socket, no more.
+    A signal handler may interrupt any code, also the taking of a lock; so it only sets a flag and writes to a socket.
     """
 
     def __init__(self, log: structlog.typing.FilteringBoundLogger) -> None:
         self._log = log
         self._waiting = False
         self._stopped = False
-        # Sockets, for Windows takes no pipe for the bytes of signals.
+        # Sockets: Windows does not accept a pipe for the bytes of signals.
         self._main_reads, self._main_writes = socket.socketpair()
         self._signal_reads, self._signal_writes = socket.socketpair()
         self.reason = ""
 
     def listen(self, *, standard_input: bool) -> None:
-        # Python's own handlers wait for the main thread to come back from native code, which may build a plant or wait
-        # for a connection; the byte in this socket does not.
+        # Python's own handlers wait until the main thread returns from native code, which may build a plant or wait for
+        # a connection; the byte in this socket does not wait.
         self._signal_writes.setblocking(False)
         signal.set_wakeup_fd(self._signal_writes.fileno())
         threading.Thread(target=self._watch, name="duralab_bus-watchdog", daemon=True).start()
         ending = [signal.SIGTERM, signal.SIGINT]
         if sys.platform == "win32":
-            # Of a console that is closed, and of Ctrl-Break.
+            # Sent when a console is closed, and by Ctrl-Break.
             ending.append(signal.SIGBREAK)
         else:
-            # So that it writes its byte, and ends nothing.
+            # With a handler the signal writes its byte and does not end the process.
             signal.signal(signal.SIGUSR1, lambda _number, _frame: None)
         for number in ending:
             signal.signal(number, self._on_signal)
@@ -212,7 +212,7 @@ class _StopSignal:
             threading.Thread(target=self._follow_parent, name="duralab_bus-parent", daemon=True).start()
 
     def set_up(self) -> None:
-        """From now on a signal is only noted, until `wait` reads it."""
+        """From now on, only note a signal until `wait` reads it."""
         self._waiting = True
 
     def wait(self) -> None:
@@ -225,65 +225,65 @@ class _StopSignal:
         self.reason = self.reason or signal.Signals(number).name
         self._main_writes.send(b"!")
         if not self._waiting:
-            # Still being set up: nothing reads the socket yet.
+            # During the set-up nothing reads the socket yet.
             raise SystemExit(0)
 
     def _follow_parent(self) -> None:
         while os.read(sys.stdin.fileno(), 4096):
             pass
         self.reason = "the parent process ended"
-        # The same way out as for a signal, on the main thread.
+        # The same path as for a signal, on the main thread.
         if sys.platform == "win32":
             signal.raise_signal(signal.SIGTERM)
         else:
             os.kill(os.getpid(), signal.SIGTERM)
 
     def _watch(self) -> None:
-        """Log the threads' positions on request; force the end of a process that does not end in time."""
+        """Log the threads' call stacks on request; force the end of a process that does not end in time."""
         if sys.platform == "win32":
             self._signal_reads.recv(1)
         else:
             while self._signal_reads.recv(1)[0] == signal.SIGUSR1:
                 log_stacks()
-        # The system may have given the signal to any thread, e.g. where the main one was just about to take another.
-        # Python's handler runs on the main one alone, and that would continue waiting.
+        # The system may have given the signal to any thread, e.g. while the main one was about to take another signal.
+        # Python's handler runs on the main thread only, which would continue to wait.
         self._main_writes.send(b"!")
         time.sleep(_EXIT_SECONDS)
         self._log.error("Something is stuck; the process ends without it.", after_seconds=_EXIT_SECONDS)
         os._exit(EXIT_STUCK)
 
 
-# Of mallopt, from malloc.h of the GNU C library.
+# Options of mallopt, from malloc.h of the GNU C library.
 _M_TRIM_THRESHOLD: Final = -1
 _M_MMAP_THRESHOLD: Final = -3
 _M_ARENA_MAX: Final = -8
-_LARGEST_IN_A_HEAP: Final = 32 * 2**20  # the most that the GNU C library allows
+_LARGEST_IN_A_HEAP: Final = 32 * 2**20  # largest value that the GNU C library allows
 
 
 def keep_few_arenas(count: int, *, kept_bytes: int | None = None) -> bool:
-    """Have all threads that begin from now on share so many heaps.
+    """Limit the heaps that all threads started from now on share.
 
-    The GNU C library gives threads up to eight heaps a core. A service that begins a thread for each piece of work,
-    tens of megabytes each, holds that much in every heap in the end: hundreds of unused megabytes.
+    The GNU C library gives threads up to eight heaps a core. A service that starts a thread for each piece of work, of
+    tens of megabytes each, eventually holds that much in every heap: hundreds of unused megabytes.
 
     Parameters
     ----------
     count : int
-        1 or more.
+        Number of heaps, 1 or more.
     kept_bytes : int, optional
-        Freed memory that a heap keeps for what comes next; then arrays of up to 32 MiB are taken from heaps. Where
-        something, such as Dask, has set MALLOC_TRIM_THRESHOLD_ in the environment, each array is otherwise got from
-        the system page by page and returned at once: a fifth of a campaign's processor time.
+        Freed memory that a heap keeps for later use; then arrays of up to 32 MiB are taken from heaps. If a library,
+        such as Dask, has set MALLOC_TRIM_THRESHOLD_ in the environment, each array is otherwise requested from the
+        system page by page and returned at once: a fifth of a campaign's processor time.
 
     Returns
     -------
     bool
-        Whether the C library took it; others than GNU's have no such thing and need none.
+        Whether the C library accepted the values; libraries other than GNU's do not have or need them.
 
     Raises
     ------
     ValueError
-        Fewer than one.
+        If `count` is less than 1.
     """
     if count < 1:
         raise ValueError(f"{count} heaps are asked for; a process has 1 or more.")

@@ -1,4 +1,4 @@
-"""Queries: the client that asks, the server that answers, and the log of refused ones."""
+"""Queries: client, server, and the log of refused queries."""
 
 from duralab_bus.queries.call import Call, Handler
 from duralab_bus.queries.client import OVERDUE, Cancel, QueryClient

@@ -1,4 +1,4 @@
-"""One query as its server sees it: from its arrival to its one answer, or a line in the log that refuses it."""
+"""One query on the server's side: from its arrival to its one answer, or to a line in the log that refuses it."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from duralab_proto.keys import LONGEST_NAME, KeyNameError, rig_of
 from duralab_proto.v1 import query_pb2
 
 MOST_PER_SECOND: Final = 20
-"""Lines a second; of more, only the number is told with the next line."""
+"""Largest number of lines a second; the number of those left out is logged with the next line."""
 
-# How a query ended that nobody refused: its asker let go, this process ends, or has a defect, which is logged as such.
+# Ends that are not refusals: the client withdrew, this process ends, or it has a defect, which is logged separately.
 _NOT_REFUSED: Final = frozenset(
     {query_pb2.FAULT_CODE_CANCELLED, query_pb2.FAULT_CODE_UNAVAILABLE, query_pb2.FAULT_CODE_INTERNAL}
 )
@@ -30,13 +30,13 @@ _LONGEST_KEY: Final = 300
 
 
 def session_of(query: zenoh.Query) -> str:
-    """Return the id of the session that asks, as it says itself; the router's log knows its certificate."""
+    """Return the id of the asking session, as the session states it; the router's log has its certificate."""
     source = query.source_info
     return "" if source is None else str(source.source_id.zid)
 
 
 class RefusalLog:
-    """Writes a line for each query that is refused, up to a rate."""
+    """Log with one line for each refused query, up to a rate."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -46,7 +46,7 @@ class RefusalLog:
         self._log = structlog.get_logger("duralab_bus")
 
     def report(self, key: str, fault: FaultError, *, session: str, asker: str) -> None:
-        """Log a refusal: what, why, and who as far as the query says."""
+        """Log a refused query: its key, the reason, and the client as far as the query names it."""
         if fault.code in _NOT_REFUSED:
             return
         with self._lock:
@@ -70,7 +70,7 @@ class RefusalLog:
 
 
 KEEP_ALIVE_SECONDS: Final = 0.8
-"""Progress is sent again after this time, so that a client hears of it at least once a second."""
+"""Interval in seconds after which progress is sent again, so that a client gets it at least once a second."""
 
 _SHORTEST_PROGRESS_SECONDS: Final = 0.05
 
@@ -82,7 +82,7 @@ class Call:
 
     def __init__(self, key: str, *, send: Callable[[query_pb2.Progress], None], cancelled: threading.Event) -> None:
         self.key = key
-        """The key that was queried, without wildcards."""
+        """Key of the query, without wildcards."""
         self._send = send
         self._cancelled = cancelled
 
@@ -90,12 +90,12 @@ class Call:
     def cancelled(self) -> bool:
         """Whether the answer is no longer wanted: the client ended or stopped waiting, or this bus closes.
 
-        Known 0.3 s after the client withdrew; never for a client that sends no id with its query.
+        Set 0.3 s after the client withdrew; never for a client that sends no id with its query.
         """
         return self._cancelled.is_set()
 
     def require_rig(self, rig: str, *, field: str) -> None:
-        """Raise FaultError unless a request is about the rig in its key: access control looks at the key alone."""
+        """Raise FaultError unless a request is about the rig in its key: access control checks only the key."""
         if rig != (named := rig_of(self.key)):
             raise FaultError(
                 query_pb2.FAULT_CODE_INVALID_ARGUMENT,
@@ -107,7 +107,7 @@ class Call:
     def progress(self, phase: str, fraction: float, *, remaining_seconds: float = -1.0, detail: str = "") -> None:
         """Report progress to the client; at most 20 reports a second are sent, the others are dropped.
 
-        The phase is what is done now, as text; the time to the result is negative where unknown.
+        The phase names the present work as text; the time to the result is negative if unknown.
         """
         if not 0.0 <= fraction <= 1.0 or not math.isfinite(remaining_seconds):
             raise ValueError(
@@ -120,7 +120,7 @@ class Call:
 
 
 class QueryJob(Generic[MessageT]):
-    """A query on its way through a worker. Exactly one answer is sent, whoever of worker, ticker and closing sends."""
+    """Query that a worker handles. Worker, ticker and closing may all answer; exactly one answer is sent."""
 
     def __init__(
         self,
@@ -148,16 +148,16 @@ class QueryJob(Generic[MessageT]):
         self._sent_at = time.monotonic()
         self._answered = False
         self.code = "OK"
-        """How it was answered: the name of a fault's code, or OK."""
+        """Result of the query: the name of a fault's code, or OK."""
         self._cancelled = threading.Event()
         self._log = structlog.get_logger("duralab_bus").bind(key=self.key)
 
     def cancel(self) -> None:
-        """Notify the handler that its caller has gone."""
+        """Notify the handler that its client has withdrawn."""
         self._cancelled.set()
 
     def run(self) -> None:
-        """Decode, call the handler, answer."""
+        """Decode the request, call the handler, and answer."""
         try:
             if self._cancelled.is_set():
                 raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "The client cancelled before the query began.")
@@ -175,10 +175,10 @@ class QueryJob(Generic[MessageT]):
         except FaultError as fault:
             self.refuse(fault)
         except ArrayError as error:
-            # Handlers decode arrays of the request all the time; what is wrong with one is the client's to know.
+            # Handlers decode arrays of the request; a wrong array is an error of the client.
             self.refuse(FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error), field=error.field))
         except KeyNameError as error:
-            # Likewise names: those in the key that was asked, and those that handlers make keys of.
+            # In the same way names: those in the key of the query, and those from which handlers make keys.
             self.refuse(FaultError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, str(error)))
         except Exception as error:  # noqa: BLE001 - any defect of a handler must reach the client as a fault
             self._log.exception("A query failed by a defect of this service.")
@@ -193,7 +193,7 @@ class QueryJob(Generic[MessageT]):
             self._answer(lambda query: query.reply(self.key, payload, encoding=encoding_of(response)))
 
     def refuse(self, fault: FaultError) -> None:
-        """Answer with a fault, unless it is answered."""
+        """Answer with a fault, unless an answer was sent."""
         message = fault.to_message()
         message.service = message.service or self._service
         payload = message.SerializeToString()
@@ -201,8 +201,8 @@ class QueryJob(Generic[MessageT]):
         self._answer(lambda query: query.reply_err(payload, encoding=encoding_of(message)), code=fault.code_name)
 
     def keep_alive(self) -> None:
-        """Send the last progress again when the client has heard nothing for a while."""
-        # Not to wait for a reply that is being sent just now: that is a sign of life as well.
+        """Send the last progress again if the client has received nothing for `KEEP_ALIVE_SECONDS`."""
+        # Do not wait for a reply that is being sent: that is a sign of life as well.
         if not self._lock.acquire(blocking=False):
             return
         try:
@@ -219,7 +219,7 @@ class QueryJob(Generic[MessageT]):
                 self._send_progress()
 
     def _send_progress(self) -> None:
-        """Send it; the lock is held."""
+        """Send the last progress; the lock is held."""
         if self._answered:
             return
         self._sent_at = time.monotonic()
@@ -235,7 +235,7 @@ class QueryJob(Generic[MessageT]):
             self._answered = True
             self.code = code
             try:
-                # Leaving the query undropped would let the client wait for more.
+                # A query that is not dropped would let the client wait for more.
                 with self._query as query:
                     send(query)
             except zenoh.ZError:

@@ -1,4 +1,4 @@
-"""The asking side of a bus: one query from its key to its result or fault, never without an end."""
+"""The client side of a bus: one query from its key to its result or fault, always with an end."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ from duralab_proto.v1 import query_pb2
 
 @dataclass
 class AskingToken:
-    """A declared token, with the random id of its asker, which goes with the query.
+    """Declared liveliness token, with the random id of its client, which is sent with the query.
 
-    Who asked sets `answered` when the service is done with the query: then another query may take the token.
+    The client sets `answered` when the service has answered the query: then another query may use the token.
     """
 
     asker: str
@@ -39,7 +39,7 @@ class AskingToken:
 
 
 class AskingTokens:
-    """The tokens of one bus; as many as it ever had queries at a time. Safe for threads."""
+    """Tokens of one bus; as many as the largest number of its simultaneous queries. Safe for threads."""
 
     def __init__(self, keys: Keys) -> None:
         self._keys = keys
@@ -50,8 +50,8 @@ class AskingTokens:
     def held(self, session: zenoh.Session) -> Iterator[AskingToken]:
         """Hold a token for a query on a session.
 
-        One whose query was not answered is undeclared at the end, and its id never comes again: the service is to know
-        that nobody waits for this query any more.
+        A token whose query was not answered is undeclared at the end, and its id is never used again: this notifies
+        the service that no client waits for the query any more.
         """
         token = self._idle_on(session) or self._declared(session)
         try:
@@ -61,13 +61,13 @@ class AskingTokens:
                 with self._lock:
                     self._idle.append(token)
             else:
-                # With a session that is closed it is gone already.
+                # A closed session has already dropped its tokens.
                 with suppress(zenoh.ZError):
                     token.token.undeclare()
 
     def _idle_on(self, session: zenoh.Session) -> AskingToken | None:
         with self._lock:
-            # Those of a session that another has taken the place of went with it.
+            # Tokens of a session that was replaced were dropped with it.
             self._idle = [token for token in self._idle if token.session is session]
             if not self._idle:
                 return None
@@ -81,40 +81,40 @@ class AskingTokens:
 
 
 DISCOVERY_SECONDS: Final = 1.5
-"""A connection this young may not have met everyone, nor lead to every key that they serve: only after this time, in
-seconds, without a loss is a service said to be missing, or not to serve a key."""
+"""Age in seconds of a connection that may not have met all members, nor know every key that they serve: only after
+this time without a loss is a service reported as missing, or as not serving a key."""
 
 INTRODUCTION_SECONDS: Final = 0.5
-"""Who was never met may be on the way: two that a third has met are introduced to each other a moment later, up to
-some tenths of a second on a busy machine. So long a query waits for a stranger, however old its session is."""
+"""Longest time in seconds that a query waits for an instance that was never met, on a session of any age: a third
+member introduces two members a moment after it met them, up to some tenths of a second on a busy machine."""
 
 AGAIN_SECONDS: Final = 3.0
-"""Longest time, in seconds, in which a read that was cut off is asked again, and in which a change is held back."""
+"""Longest time, in seconds, in which an interrupted read is sent again, and for which a change is held back."""
 
-# Zenoh has a link back within some 50 ms. Each ask declares a token, and Zenoh forgets none: few of them.
+# Zenoh restores a link within some 50 ms. Each attempt declares a token, and Zenoh never forgets one: few attempts.
 _PAUSES_SECONDS: Final = (0.05, 0.1, 0.2, 0.4)
-# A router that is back for longer is not why a service is not.
+# A router that has been back for longer does not explain a missing service.
 _RETURN_SECONDS: Final = 10.0
 
 OVERDUE: Final = (query_pb2.FAULT_CODE_DEADLINE_EXCEEDED, "longest_seconds")
 """Code and field of the fault for a query whose service works on it for longer than `longest_seconds`."""
 
-# What Zenoh answers in the place of a service when the timeout of a query is over.
+# Zenoh's answer instead of the service's when the timeout of a query is over.
 _ZENOH_TIMEOUT: Final = b"Timeout"
 _POLL_SECONDS: Final = 0.05
-# A wait that is over so much later than it should be says that this process did not run meanwhile. It gives as long for
-# an answer to be handed over.
+# If a wait ends this much too late, this process did not run meanwhile. The deadline is then extended by the delay and
+# by this time, so that an answer can still be delivered.
 _SLEPT_SECONDS: Final = 0.5
-# Of a key that is served a router told within 8 ms; without that wait every end was taken for an unserved key.
+# A router reported a served key within 8 ms; without this wait every end was taken for an unserved key.
 _MATCHING_SECONDS: Final = 0.5
 _MATCHING_POLL_SECONDS: Final = 0.002
 
 
 class Cancel(Protocol):
-    """Says whether a wait is to end; a `threading.Event` is one."""
+    """Source of the request to end a wait, such as a `threading.Event`."""
 
     def is_set(self) -> bool:
-        """Return True once nobody waits any more."""
+        """Return whether the caller no longer waits."""
         ...
 
 
@@ -131,7 +131,7 @@ _Event = zenoh.Reply | _Gone | _Ended
 
 @dataclass
 class _Question(Generic[MessageT]):
-    """One query: a change is asked once, a read again where its connection cut it off."""
+    """One query: a change is sent once, a read again if a lost connection interrupted it."""
 
     key: str
     instance: Instance
@@ -145,10 +145,10 @@ class _Question(Generic[MessageT]):
     cancel: Cancel | None
     asks: int = 0
     deadline: float = math.inf
-    """When it was silent for too long, in s of the monotonic clock; a further ask does not put it off, a sign of life
-    does."""
+    """Time when it was silent for too long, in s of the monotonic clock; another attempt does not extend it, a sign of
+    life does."""
     cut_off: float = math.inf
-    """When it first ended without an answer, on the same clock."""
+    """Time when it first ended without an answer, on the same clock."""
 
     def expect_wanted(self) -> None:
         if self.cancel is not None and self.cancel.is_set():
@@ -185,7 +185,7 @@ class QueryClient:
         on_progress: Callable[[query_pb2.Progress], None] | None,
         cancel: Cancel | None,
     ) -> MessageT:
-        """Ask and wait for the answer; see `Bus.query`."""
+        """Send a query and wait for the answer; see `Bus.query`."""
         if "*" in key:
             raise ValueError(f"The key {key!r} has wildcards; a query goes to one key.")
         if longest_seconds is not None and not 0.0 < longest_seconds <= WORK_SECONDS:
@@ -228,7 +228,7 @@ class QueryClient:
             time.sleep(question.pause)
 
     def _ask(self, question: _Question[MessageT]) -> MessageT | _Gone | _Ended:
-        """Send it once and return its answer, or how it ended without one."""
+        """Send a query once and return its answer, or how it ended without one."""
         events: SimpleQueue[_Event] = SimpleQueue()
 
         def on_live(service: str, name: str, alive: bool) -> None:
@@ -250,7 +250,7 @@ class QueryClient:
                     attachment=token.asker,
                     source_info=self._tracker.source,
                     consolidation=zenoh.ConsolidationMode.NONE,
-                    # Said for the replies as well, which follow the query: no answer is dropped on a busy link.
+                    # Applies also to the replies, which follow the query: no answer is dropped on a busy link.
                     congestion_control=zenoh.CongestionControl.BLOCK,
                     # Zenoh holds 0.8 kB of each query until this time is over, answered or not (decision 34).
                     timeout=question.longest_seconds,
@@ -263,7 +263,7 @@ class QueryClient:
                 stop.cancel()
 
     def wait_until_discovered(self) -> None:
-        """Wait until the session is old enough to have met everyone."""
+        """Wait until the session is old enough to have met all members."""
         time.sleep(self._undiscovered_seconds)
 
     @property
@@ -281,8 +281,8 @@ class QueryClient:
             try:
                 event = events.get(timeout=wait)
             except Empty:
-                # A process that did not run itself, on an overloaded or paused machine, heard nobody: its answer may be
-                # about to be handed over.
+                # A process that did not run itself, on an overloaded or paused machine, received nothing: the answer
+                # may still be delivered.
                 if (slept := time.monotonic() - begun - wait) > _SLEPT_SECONDS:
                     question.deadline += slept + _SLEPT_SECONDS
                 if time.monotonic() < question.deadline:
@@ -311,7 +311,7 @@ class QueryClient:
         on_progress: Callable[[query_pb2.Progress], None] | None,
     ) -> MessageT | None:
         """Return the result, or None after progress; raise the service's fault."""
-        # A damaged answer is not the asker's fault: not INVALID_ARGUMENT.
+        # A damaged answer is not an error of the client: not INVALID_ARGUMENT.
         code = query_pb2.FAULT_CODE_DATA_LOSS
         limit = self._largest_bytes
         if (error := reply.err) is not None:
@@ -330,7 +330,7 @@ class QueryClient:
 
     def _expect_live(self, question: _Question[Any]) -> None:
         instance = question.instance
-        # Who was met and is gone is gone.
+        # An instance that was met and is missing has left: no wait for it.
         patience = 0.0 if self._tracker.met(instance) else INTRODUCTION_SECONDS
         patience = max(patience, self._undiscovered_seconds)
         if question.asks:
@@ -354,13 +354,13 @@ class QueryClient:
         )
 
     def _not_back(self, instance: Instance) -> bool:
-        """Return whether an instance went with a router that has been away of late, and was not seen since."""
+        """Return whether an instance left with a router that was recently away, and was not seen since."""
         recently = self._session.disturbed(time.monotonic() - _RETURN_SECONDS)
         back = self._tracker.moved(instance, self._session.linked + DEBOUNCE_SECONDS)
         return recently and self._tracker.met(instance) and not back
 
     def _expect_way(self, question: _Question[Any]) -> None:
-        """Hold a change until its key is known, where the connection was just lost or made: it is sent once only."""
+        """Hold a change until its key is known if the connection was just lost or made: a change is sent only once."""
         until = time.monotonic() + min(AGAIN_SECONDS, question.silence_seconds)
         while self._unsettled(question.instance, time.monotonic() - DISCOVERY_SECONDS):
             question.expect_wanted()
@@ -373,18 +373,18 @@ class QueryClient:
                 )
 
     def _unsettled(self, instance: Instance, since: float) -> bool:
-        """Return whether the connection to an instance, over the router or of its own, was lost or made of late."""
+        """Return whether the connection to an instance, direct or over the router, was recently lost or made."""
         return self._session.disturbed(since) or self._tracker.moved(instance, since)
 
     def _expect_another_ask(self, question: _Question[Any], *, gone: bool) -> None:
-        """Raise why a query ended without a result; return where it may be asked again.
+        """Raise why a query ended without a result; return if it may be sent again.
 
-        Zenoh itself does not tell a killed service from a missing one, nor from a connection that was just made again:
-        there a query may end within milliseconds, before the keys of the others are known again (its issue 2767).
+        Zenoh itself does not distinguish a killed service from a missing one, nor from a connection that was just
+        restored: there a query may end within milliseconds, before the keys of the others are known (its issue 2767).
         """
         ended = time.monotonic()
         instance, since, until = question.instance, ended - DISCOVERY_SECONDS, ended + 2 * DEBOUNCE_SECONDS
-        # That the link was lost is told some tenths of a millisecond after the query's end.
+        # The loss of the link is reported some tenths of a millisecond after the end of the query.
         while not (gone or self._session.disturbed(since)) and time.monotonic() < until:
             gone = self._tracker.wait_gone(instance, timeout_seconds=_POLL_SECONDS)
         disturbed = self._session.disturbed(since)
@@ -399,7 +399,7 @@ class QueryClient:
             raise self._interrupted(question)
 
     def _overdue(self, question: _Question[Any]) -> FaultError:
-        """Return that the service lives and works on a query for longer than it may."""
+        """Return the fault of a query on which the service works for longer than allowed."""
         code, field = OVERDUE
         if question.effect is Effect.READ:
             remedy = "see its log for what it waits for, or ask with a longer time"
@@ -413,7 +413,7 @@ class QueryClient:
         )
 
     def _interrupted(self, question: _Question[Any]) -> FaultError:
-        """Return the error of a query whose connection broke: the router's, or that of the service."""
+        """Return the fault of a query whose connection broke: that to the router, or that of the service."""
         if question.effect is Effect.READ:
             outcome = f"{question.key}, a read, has no answer after being asked {question.asks} times; ask again"
         else:
@@ -424,14 +424,14 @@ class QueryClient:
         return _unavailable(f"{self._connection(question)}: {outcome}.")
 
     def _connection(self, question: _Question[Any]) -> str:
-        # What cut off the first ask counts, however long ago.
+        # The interruption of the first attempt counts, independent of its age.
         since = min(question.cut_off, time.monotonic()) - DISCOVERY_SECONDS
         if self._session.disturbed(since):
             return f"The connection to {self._session.router} was lost or is just back"
         return f"The connection of {_within(question.instance)} to the bus is just made"
 
     def _unanswered(self, question: _Question[Any]) -> FaultError:
-        """Return why there is no result though the connection is whole."""
+        """Return why there is no result though the connection is intact."""
         if self._is_served(question.key, timeout_seconds=_MATCHING_SECONDS):
             return FaultError(
                 query_pb2.FAULT_CODE_DATA_LOSS,
@@ -446,8 +446,8 @@ class QueryClient:
         until = time.monotonic() + timeout_seconds
         try:
             with self._session.current.declare_querier(key) as querier:
-                # The router tells of a key some milliseconds after it was asked. The stub of Zenoh 1.10.2 says bool; it
-                # is a MatchingStatus.
+                # The router reports a key some milliseconds after the request. The stub of Zenoh 1.10.2 declares a
+                # bool; it is a MatchingStatus.
                 while not (served := cast(zenoh.MatchingStatus, querier.matching_status).matching):
                     if time.monotonic() >= until:
                         break
@@ -466,7 +466,7 @@ def _is_progress(reply: zenoh.Reply) -> bool:
 
 def _is_timeout(reply: zenoh.Reply) -> bool:
     error = reply.err
-    # Told from a service's error by its encoding as well: that is always a Fault.
+    # Distinguished from a service's error by its encoding as well: that is always a Fault.
     return (
         error is not None
         and error.payload.to_bytes() == _ZENOH_TIMEOUT
@@ -480,7 +480,7 @@ def _named(instance: Instance) -> str:
 
 
 def _within(instance: Instance) -> str:
-    """Return the name of an instance as it stands within a sentence."""
+    """Return the name of an instance as written within a sentence."""
     return f"t{_named(instance)[1:]}"
 
 

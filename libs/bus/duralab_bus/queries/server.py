@@ -1,4 +1,4 @@
-"""The serving side of a bus: queryables, their workers, keep-alive and cancellation."""
+"""The server side of a bus: queryables, their workers, keep-alive and cancellation."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from duralab_proto.keys import ANY, Keys
 from duralab_proto.v1 import query_pb2
 
 PATIENCE_SECONDS: Final = 0.25
-"""How long a query waits for a worker before it is refused: long enough for a burst of short ones."""
+"""Time in seconds that a query waits for a worker before it is refused: long enough for a burst of short ones."""
 
 
 MOST_WAITING: Final = 64
-"""Jobs that wait for a worker before `wait_for_room` waits: more than a burst of honest ones."""
+"""Number of waiting jobs at which `wait_for_room` blocks: more than a burst of legitimate queries."""
 
 
 class Job(Protocol):
-    """Job of a worker."""
+    """Unit of work of a worker."""
 
     def run(self) -> None:
-        """Do it; raises nothing."""
+        """Do the work; raises nothing."""
         ...
 
 
@@ -44,7 +44,7 @@ JobT = TypeVar("JobT", bound=Job)
 class WorkerPool(Generic[JobT]):
     """Up to `workers` threads, started when needed; daemons, so that a stuck job does not keep the process alive.
 
-    A job waits `patience_seconds` for a worker before `take_overdue` returns it; infinite where none is to be refused.
+    A job waits `patience_seconds` for a worker before `take_overdue` returns it; infinite if none is to be refused.
     """
 
     def __init__(self, workers: int, *, name: str, patience_seconds: float = PATIENCE_SECONDS) -> None:
@@ -63,7 +63,7 @@ class WorkerPool(Generic[JobT]):
 
     @property
     def waiting(self) -> int:
-        """Number of jobs that no worker has yet."""
+        """Number of jobs without a worker."""
         return len(self._waiting)
 
     def submit(self, job: JobT) -> bool:
@@ -74,26 +74,26 @@ class WorkerPool(Generic[JobT]):
             self._waiting.append((time.monotonic() + self._patience_seconds, job))
             if self._idle < len(self._waiting) and self._started < self.workers:
                 self._started += 1
-                # From now on, not from when the machine gets round to it: on a busy one that takes its time.
+                # Counted now, not when the thread starts: on a busy machine that takes time.
                 self._idle += 1
                 threading.Thread(target=self._run, name=f"{self._name}-{self._started}", daemon=True).start()
             self._changed.notify()
         return True
 
     def wait_for_room(self) -> None:
-        """Wait while as many jobs wait as may: what comes faster than it is done is better left where it is."""
+        """Wait while `MOST_WAITING` jobs wait: further queries stay in Zenoh's queue until the workers catch up."""
         with self._room:
             self._room.wait_for(lambda: self._closed or len(self._waiting) < MOST_WAITING)
 
     def take_overdue(self) -> list[JobT]:
         """Remove and return the jobs that waited too long for a worker.
 
-        One that has an idle worker is not among them: on a busy machine it takes a while until the worker wakes up.
+        A job that has an idle worker is not among them: on a busy machine it takes time until the worker wakes up.
         """
         now = time.monotonic()
         overdue = []
         with self._changed:
-            # The first of them are those that the idle ones will take.
+            # The idle workers will take the first jobs.
             while len(self._waiting) > self._idle and self._waiting[self._idle][0] <= now:
                 overdue.append(self._waiting[self._idle][1])
                 del self._waiting[self._idle]
@@ -101,14 +101,14 @@ class WorkerPool(Generic[JobT]):
         return overdue
 
     def finish(self) -> None:
-        """Take nothing more; what waits is still done, then the threads end."""
+        """Take no more jobs; the waiting ones are still done, then the threads end."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
             self._room.notify_all()
 
     def close(self) -> list[JobT]:
-        """Start nothing more; return the jobs that were still waiting. Running jobs are not interrupted."""
+        """Start no more jobs; return those that were still waiting. Running jobs are not interrupted."""
         with self._changed:
             self._closed = True
             waiting = [job for _, job in self._waiting]
@@ -134,10 +134,10 @@ class WorkerPool(Generic[JobT]):
 _TICK_SECONDS: Final = 0.1
 _DRAIN_SECONDS: Final = 1.5
 _REMEMBERED_DEPARTURES: Final = 256
-# A peer that is frozen says nothing of its tokens; who can answer does so within milliseconds.
+# A frozen peer reports nothing about its tokens; a running one answers within milliseconds.
 _TOKEN_SECONDS: Final = 0.5
-# Queries of one key that wait in Zenoh's own memory. Its threads never wait for Python's lock: a key that is flooded
-# keeps nobody from the others. When there are more, the oldest end without an answer.
+# Queries of one key that wait in Zenoh's memory. Zenoh's threads never wait for Python's lock: a flooded key does not
+# block the others. If there are more, the oldest end without an answer.
 _MOST_UNTAKEN: Final = 1024
 
 
@@ -161,7 +161,7 @@ class Served:
         self._closed = False
 
     def close(self) -> None:
-        """Take no more queries; those that run continue."""
+        """Take no more queries; running ones continue."""
         if not self._closed:
             self._closed = True
             while (query := self._inbox.next_at_once()) is not None:
@@ -171,7 +171,7 @@ class Served:
 
 
 class QueryServer:
-    """Server of the queries that one session receives; `workers` are threads of a key that asks for no other number."""
+    """Server of the queries that one session receives; `workers` is the default number of threads of a key."""
 
     def __init__(
         self,
@@ -224,11 +224,11 @@ class QueryServer:
                 )
             )
             threading.Thread(target=self._tick, name="duralab_bus-keep-alive", daemon=True).start()
-        # Workers for each key alone: who asks one without end keeps nobody from the others.
+        # Separate workers for each key: a client that floods one key does not block the others.
         pool: WorkerPool[QueryJob[Any]] = WorkerPool(
             workers or self._workers,
             name=f"duralab_bus-{request_type.DESCRIPTOR.name}",
-            # Not to be refused: whoever asks a second time for a stop has the same right to it.
+            # Never refused: a client that repeats a stop has the same right to an answer.
             patience_seconds=PATIENCE_SECONDS if workers is None else math.inf,
         )
         route = _Route(zenoh.KeyExpr(key_expression), request_type, handler, pool)
@@ -239,7 +239,7 @@ class QueryServer:
             lambda joined: joined.declare_queryable(
                 key_expression,
                 zenoh.handlers.RingChannel(_MOST_UNTAKEN),
-                # Complete: a query goes to one service only, even where two are started by mistake.
+                # Complete: a query goes to one service only, even if two are started by mistake.
                 complete=True,
             )
         )
@@ -255,7 +255,7 @@ class QueryServer:
         return served
 
     def forget(self, served: Served, route: _Route) -> None:
-        """Release a service that has ended; the waiting jobs of its own pool are still done."""
+        """Release a key expression that has ended; the waiting jobs of its pool are still done."""
         with self._changed:
             self._served.discard(served)
             if route in self._routes:
@@ -265,7 +265,7 @@ class QueryServer:
                 route.pool.finish()
 
     def close(self) -> None:
-        """Take no more queries, tell the running handlers, wait a moment for them, answer for those that are stuck."""
+        """Take no more queries, notify the running handlers, wait briefly, and answer for those that are stuck."""
         with self._changed:
             if self._closed:
                 return
@@ -324,16 +324,16 @@ class QueryServer:
             job.refuse(self._ended(job.key))
 
     def _is_back(self, asker: str) -> bool:
-        """Return whether an asker that left is there: its token serves query after query, also over links that broke.
+        """Return whether a client that left is back: its token serves query after query, also over links that broke.
 
-        Asked, because its return may be told after its query has come.
+        Queried, because its return may be reported after its query has arrived.
         """
         token = self._keys.asking(ANY).removesuffix(ANY) + asker
         try:
             found = self._session.current.liveliness().get(token, timeout=_TOKEN_SECONDS)
             back = any(reply.ok is not None for reply in found)
         except zenoh.ZError:
-            return False  # The session is closed: there is nobody to answer.
+            return False  # The session is closed: no member answers.
         if back:
             self._note_back(asker)
         return back
@@ -371,18 +371,18 @@ class QueryServer:
     def _on_asker(self, sample: zenoh.Sample) -> None:
         asker = str(sample.key_expr).rpartition("/")[2]
         if sample.kind == zenoh.SampleKind.PUT:
-            # Where it flapped before its query arrived, this one must not be cancelled.
+            # If its link flapped before its query arrived, this query must not be cancelled.
             self._note_back(asker)
             return
         with self._changed:
             if any(job.asker == asker for job in self._jobs):
-                # Links flap: not cancelled before the token stayed away for a moment.
+                # Links flap: cancelled only after the token has been missing for DEBOUNCE_SECONDS.
                 self._departures[asker] = time.monotonic() + DEBOUNCE_SECONDS
             else:
                 self._departed.append(asker)
 
     def _tick(self) -> None:
-        """Keep clients informed, refuse what waits too long, cancel what nobody waits for."""
+        """Send progress to clients, refuse queries that wait too long, cancel those whose client has left."""
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._jobs or self._closed)

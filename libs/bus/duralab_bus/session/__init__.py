@@ -1,4 +1,4 @@
-"""A session on the bus: configuration, opening, identity, rejoining after a loss, and liveliness."""
+"""Session on the bus: configuration, opening, identity, rejoining after a loss, and liveliness."""
 
 from duralab_bus.session.config import LARGEST_PAYLOAD_BYTES, BusConfig, BusMode, TlsConfig
 from duralab_bus.session.liveliness import DEBOUNCE_SECONDS, Instance, LivelinessTracker

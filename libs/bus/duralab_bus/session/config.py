@@ -17,20 +17,20 @@ _LARGEST_PORT = 65535
 _SECURED = "tls/"
 
 LARGEST_PAYLOAD_BYTES = 512 * 2**20
-"""The largest message of the contract is an IterationStep that carries its samples: 12 + 6 rows of float64 at 1 kHz
-are 144 kB per second of the test, so that 512 MiB hold an hour, and a few of them at once still fit the memory of a
-small machine. Zenoh itself stops at 1 GiB."""
+"""Largest message in bytes. The largest one of the contract is an IterationStep that carries its samples: 12 + 6 rows
+of float64 at 1 kHz are 144 kB per second of the test, so that 512 MiB hold an hour, and a few of them at once still fit
+the memory of a small machine. Zenoh itself stops at 1 GiB."""
 
 
 class BusMode(StrEnum):
     """Mode of a session."""
 
     PEER = "peer"
-    """Talks to every other peer directly; continues when the one it first connected to ends."""
+    """Connects to every other peer directly; continues when the peer that it first connected to ends."""
     ROUTER = "router"
-    """Passes messages on between sessions that do not reach each other."""
+    """Forwards messages between sessions that do not reach each other."""
     CLIENT = "client"
-    """Talks through one router or peer only, and listens nowhere."""
+    """Connects to one router or peer only, and listens nowhere."""
 
 
 def _check_endpoint(endpoint: str) -> str:
@@ -62,7 +62,7 @@ class TlsConfig(BaseModel):
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 
-    # The lab's certificate authority: whoever it signed belongs to the lab.
+    # The lab's certificate authority: every member that it signed is part of the lab.
     ca: Path
     certificate: Path
     # Readable by its owner only.
@@ -70,7 +70,7 @@ class TlsConfig(BaseModel):
 
     @classmethod
     def of(cls, identity: Path | str) -> Self:
-        """Return the files of an identity `<folder>/<role>.<name>`: its certificate, its key, and `ca.crt` beside."""
+        """Return the files of an identity `<folder>/<role>.<name>`: certificate, key, and `ca.crt` beside them."""
         path = Path(identity)
         return cls(
             ca=path.with_name("ca.crt"),
@@ -87,15 +87,15 @@ class BusConfig(BaseModel):
     # First chunk of every key after `duralab/v1`; sessions of different labs do not meet.
     lab: Annotated[str, AfterValidator(_check_lab)] = "local"
     mode: BusMode = BusMode.PEER
-    # Where it accepts others; port 0 takes a free one. Loopback only unless said otherwise.
+    # Endpoints at which it accepts others; port 0 takes a free one. Loopback only by default.
     listen: tuple[Endpoint, ...] = ("tcp/127.0.0.1:0",)
-    # Where it looks for others. Every one of them must answer at the start.
+    # Endpoints of others. Every one of them must answer at the start.
     connect: tuple[RemoteEndpoint, ...] = ()
-    # How long the start waits for the endpoints of `connect`, in seconds.
+    # Longest wait of the start for the endpoints of `connect`, in seconds.
     connect_timeout_seconds: float = Field(default=5.0, gt=0, le=600)
     # Largest message sent or accepted, in bytes.
     largest_payload_bytes: int = Field(default=LARGEST_PAYLOAD_BYTES, ge=1024, le=2**30)
-    # What it shows a secured lab, and how it knows that lab; with endpoints 'tls/…' only.
+    # Certificate of this session and authority of the secured lab; with endpoints 'tls/…' only.
     tls: TlsConfig | None = None
 
     @model_validator(mode="after")
@@ -104,7 +104,7 @@ class BusConfig(BaseModel):
             if not self.connect:
                 raise ValueError("a client needs an endpoint in `connect`")
         elif not self.listen:
-            # Measured: a peer without a listener received none of 200 messages, without a word.
+            # Measured: a peer without a listener received none of 200 messages, without an error.
             raise ValueError(f"a {self.mode} needs an endpoint in `listen`, e.g. 'tcp/127.0.0.1:0'")
         self._check_security()
         return self
@@ -116,7 +116,7 @@ class BusConfig(BaseModel):
         if self.tls is None:
             return
         if self.mode is not BusMode.CLIENT:
-            # Access control is the router's: peers that talk directly would go around it.
+            # Access control is in the router: peers that connect directly would bypass it.
             raise ValueError(
                 f"a session with `tls` must be a client of the router, not a {self.mode}; say mode: client"
             )

@@ -15,7 +15,7 @@ from duralab_bus.session.rejoining import BusSession
 from duralab_proto.keys import ANY, Keys, parse_live
 
 DEBOUNCE_SECONDS: Final = 0.3
-"""A token that is back within this time was never gone: links flap."""
+"""Time in seconds for which a missing token still counts as live: links flap."""
 
 Instance = tuple[str, str]
 """(service, instance)"""
@@ -44,50 +44,50 @@ class LivelinessTracker:
 
     @property
     def source(self) -> zenoh.SourceInfo | None:
-        """Names this session to those whom it asks."""
+        """Identity of this session, which its queries carry."""
         subscriber = self._subscriber.current
         return None if subscriber is None else zenoh.SourceInfo(subscriber.id, 0)
 
     def live(self, service: str = ANY, instance: str = ANY) -> set[Instance]:
-        """Return who is there now, of a service and an instance or of any."""
+        """Return the live instances, of a service and an instance or of any."""
         with self._changed:
             return {(s, i) for s, i in self._live if service in (ANY, s) and instance in (ANY, i)}
 
     def met(self, instance: Instance) -> bool:
-        """Return whether an instance was ever there."""
+        """Return whether an instance was ever live."""
         with self._changed:
             return instance in self._met
 
     def moved(self, instance: Instance, since: float) -> bool:
-        """Return whether an instance's token came or went after a moment of the monotonic clock, flaps included."""
+        """Return whether an instance's token came or went after a time of the monotonic clock, flaps included."""
         with self._changed:
             return self._moved.get(instance, -math.inf) >= since
 
     def wait_for(self, wanted: set[Instance], *, timeout_seconds: float) -> set[Instance]:
-        """Wait until all are there; return those that are still missing after the timeout."""
+        """Wait until all instances are live; return those that are still missing after the timeout."""
         with self._changed:
             self._changed.wait_for(lambda: wanted <= self._live, timeout_seconds)
             return wanted - self._live
 
     def wait_gone(self, instance: Instance, *, timeout_seconds: float) -> bool:
-        """Wait until an instance is not there; return whether it is so."""
+        """Wait until an instance is not live; return whether it has left."""
         with self._changed:
             return self._changed.wait_for(lambda: instance not in self._live, timeout_seconds)
 
     def subscribe(self, listener: LiveCallback) -> None:
-        """Call a listener for everyone who is there and at every change; it must return at once."""
+        """Call a listener for every live instance and at every change; it must return at once."""
         with self._changed:
             self._listeners.append(listener)
             for service, instance in sorted(self._live):
                 listener(service, instance, True)
 
     def unsubscribe(self, listener: LiveCallback) -> None:
-        """Call a listener no more."""
+        """Remove a listener."""
         with self._changed:
             self._listeners.remove(listener)
 
     def close(self) -> None:
-        """Follow no more."""
+        """Stop the tracking."""
         self._subscriber.undeclare()
         self._events.put(None)
 
@@ -108,7 +108,7 @@ class LivelinessTracker:
             try:
                 instance = parse_live(str(sample.key_expr))
             except ValueError:
-                continue  # A token of a stranger, outside the contract.
+                continue  # Token outside the contract.
             with self._changed:
                 self._moved[instance] = time.monotonic()
             if sample.kind == zenoh.SampleKind.PUT:

@@ -1,10 +1,9 @@
-"""Links between peers, made again where one of them broke and Zenoh would not.
+"""Links between peers, restored when one of them broke and Zenoh does not restore it.
 
-A link to an endpoint of `connect` is made again by Zenoh for as long as it takes. One that two peers made because a
-third told them of each other is tried once, when it tells: a process that was frozen is told as soon as it is back,
-while it still takes its broken link for whole, and after that never again. A session that joins makes everyone tell
-everyone once more. So that is what happens here: one joins and leaves again when this process was frozen or a service
-vanished.
+Zenoh restores a link to an endpoint of `connect` without a time limit. A link between two peers that a third one
+introduced is tried once, at the introduction: a process that was frozen gets it as soon as it runs again, while it
+still takes its broken link for intact, and never afterwards. A session that joins makes all members introduce each
+other again. So this module joins and leaves again when this process was frozen or a service vanished.
 """
 
 from __future__ import annotations
@@ -21,16 +20,16 @@ from duralab_bus.session.session import LEASE_SECONDS, open_session
 _LOOK_SECONDS: Final = 0.5
 # By then both ends of a link have noticed that it is broken.
 _BROKEN_SECONDS: Final = LEASE_SECONDS + _LOOK_SECONDS
-# Telling and connecting take milliseconds on a machine that is not busy.
+# Introducing and connecting take milliseconds on a machine that is not busy.
 _STAY_SECONDS: Final = 1.0
-# Whom to join is on the bus already, or gone.
+# The members to connect to are on the bus already, or have left.
 _JOINING_SECONDS: Final = 1.0
 _JOIN_SECONDS: Final = 2.0
 _ANY_PORT: Final = "0"
 
 
 class Reintroduction:
-    """Watches over the links of one session; ended by `close`."""
+    """Watches the links of one session; ended by `close`."""
 
     def __init__(self, config: BusConfig, tracker: LivelinessTracker) -> None:
         self._tracker = tracker
@@ -43,14 +42,14 @@ class Reintroduction:
         self._closed = threading.Event()
         self._due: float | None = None
         self._thread: threading.Thread | None = None
-        # A client has its one link from its configuration; who connects to nobody is connected to.
+        # A client has one link, from its configuration; a peer without `connect` is connected to by the others.
         if config.mode is BusMode.PEER and config.connect:
             self._thread = threading.Thread(target=self._run, name="duralab_bus-reintroduction", daemon=True)
             self._thread.start()
             tracker.subscribe(self._on_live)
 
     def close(self) -> None:
-        """Watch no more; returns at once where nobody is being introduced, and within 2 s."""
+        """Stop watching; returns at once if no introduction is running, and within 2 s otherwise."""
         self._closed.set()
         if self._thread is not None:
             self._tracker.unsubscribe(self._on_live)
@@ -58,7 +57,7 @@ class Reintroduction:
 
     def _on_live(self, _service: str, _instance: str, alive: bool) -> None:
         if not alive:
-            # It may be the link that is gone, and not the service. That it is noticed here took a lease already.
+            # The link may be lost, and not the service. Noticing it here has already taken a lease.
             self._due = time.monotonic() + DEBOUNCE_SECONDS
 
     def _run(self) -> None:
@@ -77,6 +76,6 @@ class Reintroduction:
         try:
             session, _ = open_session(self._joining)
         except BusError:
-            return  # The reporting session is gone as well. Zenoh keeps trying to reach it and reports success.
+            return  # The endpoint is gone as well. Zenoh keeps trying to reach it.
         self._closed.wait(_STAY_SECONDS)
         session.close()

@@ -1,9 +1,9 @@
-"""A Zenoh session, and after its router was away another one in its place.
+"""A Zenoh session that is replaced by another one after its router was away.
 
-A router that was frozen finds the old links of its clients broken and their new ones waiting, both at once. Zenoh
-1.10.2 then takes a client that comes back under its old id for the one that it is just letting go: in a trace two of
-three were refused at first, and the third was attached to the transport that was being closed. A session that comes
-back under another id is nobody's old one.
+A router that was frozen finds the old, broken links of its clients and their new, waiting ones at the same time. Zenoh
+1.10.2 then takes a client that returns under its old id for the one that it is about to drop: in a trace, two of three
+were refused at first, and the third was attached to the transport that was being closed. A session that returns under
+another id cannot be confused with an old one.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from duralab_bus.session.config import BusConfig, BusMode
 from duralab_bus.session.session import open_session
 from duralab_proto.v1 import query_pb2
 
-# Zenoh itself tries again at once and after 50 ms (`session.py`): a router that is there has the link back by then.
+# Zenoh itself tries again at once and after 50 ms (`session.py`): a running router has the link back by then.
 _GRACE_SECONDS: Final = 0.2
 _AGAIN_SECONDS: Final = 0.2
 _CLOSE_SECONDS: Final = 1.0
@@ -49,35 +49,35 @@ class Declaration(Generic[DeclaredT]):
         self._owner = owner
         self._declare = declare
         self.current: DeclaredT | None = None
-        """As Zenoh gave it; None as long as the router has been away since it was to be declared."""
+        """Zenoh's declaration; None while the router has been away since it was made."""
 
     def renew(self, session: zenoh.Session) -> None:
         """Declare it on a session."""
         self.current = self._declare(session)
 
     def undeclare(self) -> None:
-        """Declare it no more."""
+        """Withdraw the declaration."""
         self._owner.forget(self)
         if self.current is not None:
-            # With a session that is closed it is gone already.
+            # A closed session has already dropped it.
             with suppress(zenoh.ZError):
                 self.current.undeclare()
 
 
 class Inbox(Declaration[ReceivedT]):
-    """A declaration to whose channel, of Zenoh's own, something comes; made by `BusSession.receive`."""
+    """Declaration that receives into a channel of Zenoh; made by `BusSession.receive`."""
 
     def __init__(self, owner: BusSession, declare: Callable[[zenoh.Session], ReceivedT]) -> None:
         super().__init__(owner, declare)
         self._channel: Any = None
 
     def renew(self, session: zenoh.Session) -> None:
-        """Declare it on a session; what waits in the channel of another one is left there."""
+        """Declare it on a session; items in the channel of the previous session are left there."""
         super().renew(session)
         self._channel = None if self.current is None else self.current.handler
 
     def next(self) -> Any | None:
-        """Wait for the next one, over as many sessions as it takes; None once it is declared no more."""
+        """Wait for the next item, over any number of sessions; None after the declaration is withdrawn."""
         while True:
             channel = self._channel
             if channel is not None:
@@ -87,10 +87,10 @@ class Inbox(Declaration[ReceivedT]):
                 return None
 
     def next_at_once(self) -> Any | None:
-        """Return the next one that is there already; None where there is none."""
+        """Return the next item that has already arrived; None if there is no item."""
         if self._channel is None:
             return None
-        # Once for each message, and a `with` takes 0.6 µs.
+        # Called once for each message, and a `with` takes 0.6 µs.
         try:
             return self._channel.try_recv()
         except zenoh.ZError:
@@ -101,20 +101,20 @@ _AnyDeclaration = TypeVar("_AnyDeclaration", bound=Declaration[Any])
 
 
 class BusSession:
-    """The session of a bus: Zenoh's, and for a client another one when its router was away."""
+    """Session of a bus: Zenoh's, and for a client its replacement after the router was away."""
 
     def __init__(self, session: zenoh.Session, config: BusConfig) -> None:
         self.current = session
         """Zenoh's session; closed while the router is away."""
         self.linked = time.monotonic()
-        """When its link was made, on the monotonic clock in s: at first, by a session in its place, or by Zenoh."""
+        """Time when its link was made, in s of the monotonic clock: at the start, by a replacement, or by Zenoh."""
         self.lost = -math.inf
-        """When a client last lost its link to the router, on the monotonic clock in s."""
+        """Time when a client last lost its link to the router, in s of the monotonic clock."""
         self._config = config
         self._changed = threading.Condition()
         self._declarations: dict[Declaration[Any], None] = {}
         self.away = False
-        """Whether its router is away: what is declared now is declared when it is back, and nothing is sent."""
+        """Whether its router is away: new declarations are made when it is back, and nothing is sent."""
         self._closed = threading.Event()
         self._broken = threading.Event()
         self._log = structlog.get_logger("duralab_bus")
@@ -124,20 +124,20 @@ class BusSession:
 
     @property
     def closed(self) -> bool:
-        """Whether it was closed by its owner, and does not come back."""
+        """Whether it was closed by its owner, and does not return."""
         return self._closed.is_set()
 
     @property
     def router(self) -> str:
-        """The router of a client, as a sentence names it."""
+        """Router of a client, as a sentence names it."""
         return f"the router at {', '.join(self._config.connect)}"
 
     def disturbed(self, since: float) -> bool:
-        """Return whether a client is without its link to the router, or lost it or has it back since a moment."""
+        """Return whether a client has no link to the router, or lost or restored it after a given time."""
         return self.away or self.lost > self.linked or (self.lost > -math.inf and self.linked >= since)
 
     def expect_router(self, key: str, session: zenoh.Session | None = None) -> None:
-        """Raise FaultError UNAVAILABLE while the router is away, or where it has been since a session was the one."""
+        """Raise FaultError UNAVAILABLE while the router is away, or if it was away since `session` was current."""
         if not self.closed and (self.away or session not in (None, self.current)):
             raise FaultError(
                 query_pb2.FAULT_CODE_UNAVAILABLE,
@@ -146,7 +146,7 @@ class BusSession:
             )
 
     def declare(self, declare: Callable[[zenoh.Session], DeclaredT]) -> Declaration[DeclaredT]:
-        """Declare something on this session and on each that takes its place."""
+        """Declare something on this session and on each one that replaces it."""
         return self._declared(Declaration(self, declare))
 
     def receive(self, declare: Callable[[zenoh.Session], ReceivedT]) -> Inbox[ReceivedT]:
@@ -161,13 +161,13 @@ class BusSession:
         return declaration
 
     def forget(self, declaration: Declaration[Any]) -> None:
-        """Declare something no more on what takes this session's place."""
+        """Remove a declaration: it is not made on a session that replaces this one."""
         with self._changed:
             self._declarations.pop(declaration, None)
             self._changed.notify_all()
 
     def wait_until(self, declaration: Declaration[Any], changed: Callable[[], bool]) -> bool:
-        """Wait until something has changed; return False once the declaration is forgotten, or the session closed."""
+        """Wait for a change; return False after the declaration is forgotten or the session closed."""
         with self._changed:
             self._changed.wait_for(lambda: changed() or declaration not in self._declarations or self.closed)
             return changed()
@@ -181,7 +181,7 @@ class BusSession:
         self._close_current()
 
     def _close_current(self) -> None:
-        # Closing waits for Zenoh's own threads; a stuck link must not hold up the others.
+        # Closing waits for Zenoh's own threads; a stuck link must not block the others.
         closing = threading.Thread(target=self.current.close, name="duralab_bus-close", daemon=True)
         closing.start()
         closing.join(_CLOSE_SECONDS)
@@ -212,7 +212,7 @@ class BusSession:
         self._log.warning("The router is away.", endpoints=list(self._config.connect))
         with self._changed:
             self.away = True
-        # First, so that it does not come back as well.
+        # First, so that the old session does not return as well.
         self._close_current()
         session = self._opened_again()
         if session is None:
@@ -243,5 +243,5 @@ class BusSession:
         try:
             declaration.renew(self.current)
         except zenoh.ZError as error:
-            # Its link is gone once more, which is noticed by itself.
+            # The link is lost again; `_run` notices it.
             self._log.warning("A declaration was not taken.", reason=str(error))

@@ -1,4 +1,4 @@
-"""Opening a Zenoh session from a BusConfig: what it shows a secured lab, and errors that a user understands."""
+"""Opening of a Zenoh session from a BusConfig: its identity in a secured lab, and errors that a user understands."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Identity:
 
 
 def check_identity(tls: TlsConfig) -> Identity:
-    """Check certificate, key and authority of a session, and return who it is.
+    """Check certificate, key and authority of a session, and return its identity.
 
     Parameters
     ----------
     tls : TlsConfig
-        The files to check.
+        Files to check.
 
     Returns
     -------
@@ -54,10 +54,10 @@ def check_identity(tls: TlsConfig) -> Identity:
     Raises
     ------
     BusError
-        One sentence: a file is missing or cannot be read, the key is open to others or belongs to another certificate,
-        the certificate has expired, is of another authority or names no role.
+        A file is missing or cannot be read, the key is open to others or belongs to another certificate, the
+        certificate has expired, is of another authority or names no role.
     """
-    # Only who needs it pays for it.
+    # Imported here: only secured sessions need the package.
     from cryptography.exceptions import InvalidSignature
     from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat, load_pem_private_key
 
@@ -83,7 +83,7 @@ def check_identity(tls: TlsConfig) -> Identity:
 
 
 def explain_refusal(host: str, port: int, tls: TlsConfig) -> str:
-    """Return why a router that answers lets a session not in: Zenoh itself only says that it could not connect."""
+    """Return why an answering router refuses a session: Zenoh itself only states that it could not connect."""
     name = _member(_certificate(tls.certificate, "certificate"), tls.certificate).common_name
     context = ssl.create_default_context(cafile=str(tls.ca))
     context.load_cert_chain(tls.certificate, tls.key)
@@ -92,8 +92,8 @@ def explain_refusal(host: str, port: int, tls: TlsConfig) -> str:
             socket.create_connection((host, port), timeout=_HANDSHAKE_SECONDS) as plain,
             context.wrap_socket(plain, server_hostname=host) as secured,
         ):
-            # What the router thinks of this certificate comes after the handshake, instead of the first bytes; where it
-            # likes it, it waits for more.
+            # The router judges this certificate after the handshake, and sends its error instead of the first
+            # bytes; if it accepts the certificate, it waits for more.
             secured.recv(1)
     except TimeoutError:
         return f"it accepts the certificate of {name}; it may have as many sessions as it takes, or is overloaded"
@@ -118,9 +118,9 @@ def _expect_private(key: Path) -> None:
             f"The private key {key} cannot be read: {error.strerror}; correct `tls`, or make it with `duralab certs`."
         ) from error
     if sys.platform == "win32":
-        # Who may read a file does not stand in its mode there; the folder's access list decides.
+        # On Windows the access list of the folder, not the mode of a file, decides who may read it.
         return
-    # A secret that an orchestrator mounts belongs to root and is lent to the service's group.
+    # A secret that an orchestrator mounts belongs to root and is readable by the service's group.
     lent = status.st_uid == 0 and os.geteuid() != 0
     if status.st_mode & (_BEYOND_GROUP if lent else _BEYOND_OWNER):
         raise BusError(
@@ -167,17 +167,17 @@ def member_of(certificate: Certificate) -> Member:
     Parameters
     ----------
     certificate : Certificate
-        Of the package cryptography.
+        Certificate of the package cryptography.
 
     Returns
     -------
     Member
-        Its common name and what it is bound to.
+        Its common name and bindings.
 
     Raises
     ------
     MemberError
-        One sentence: it names no member.
+        If the certificate names no member.
     """
     from cryptography.x509 import ExtensionNotFound, SubjectAlternativeName, UniformResourceIdentifier
     from cryptography.x509.oid import NameOID
@@ -198,22 +198,22 @@ def _member(certificate: Certificate, path: Path) -> Member:
         raise BusError(f"{error} It is in {path}; have one issued with `duralab certs issue`.") from error
 
 
-# A free port is found by asking the system and giving it back; another process may take it in between.
+# The system chooses a free port, which is then closed again; another process may take it in between.
 _PORT_ATTEMPTS: Final = 5
 _PROBE_SECONDS: Final = 0.5
-# A link on which nothing comes for this long is closed, and with it goes the liveliness of who is frozen at its other
-# end. Zenoh's own threads send a sign of life four times as often: a process is not taken for frozen because Python, or
+# A link without traffic for this time is closed, and the liveliness of a frozen process at its other end ends with it.
+# Zenoh's own threads send a sign of life four times as often: a process is not taken for frozen because Python, or
 # native code that holds the interpreter's lock, keeps it busy. Zenoh's default is 10 s.
 LEASE_SECONDS: Final = 2.0
-# How long a stream waits for room on a link before it drops a message there, which has to be replayed then. Once: while
-# the link stays full, what follows is dropped at once.
+# Time that a stream waits for room on a link before it drops a message there, which must be replayed then. It waits
+# once: while the link stays full, the following messages are dropped at once.
 _FULL_LINK_MICROSECONDS: Final = 8_000
-# Zenoh closes a link when a receiver does not read an answer for this long. Streams never wait (they are dropped and
-# replayed); a handler whose asker is frozen should not for longer than needed. It is Zenoh's own default.
+# Zenoh closes a link when a receiver does not read an answer for this time. Streams never wait (they are dropped and
+# replayed); a handler whose client is frozen should wait no longer than needed. It is Zenoh's own default.
 _BLOCKED_LINK_MICROSECONDS: Final = 5_000_000
 
-# Sessions find each other through the endpoints they are told, and by gossip from there on. One of two peers connects,
-# not both at once: of two links made at the same time one is closed again, and what was declared on it may be gone.
+# Sessions find each other through the configured endpoints, and by gossip from there. One of two peers connects, not
+# both at once: of two links made at the same time one is closed again, and its declarations may be lost.
 _GOSSIP: Final[Mapping[str, Any]] = {
     "enabled": True,
     "autoconnect_strategy": {"peer": {"to_router": "always", "to_peer": "greater-zid"}},
@@ -223,8 +223,8 @@ LINK_SETTINGS: Final[Mapping[str, Any]] = {
     "lease": round(LEASE_SECONDS * 1e3),
     "keep_alive": 4,
     "queue": {
-        # The most that Zenoh allows, of batches of 64 KiB, for what is streamed and for questions and answers: with its
-        # default, two, an answer of 2 MB took 9.4 ms in place of 8.1.
+        # The largest values that Zenoh allows, of batches of 64 KiB, for streams and for queries and answers: with its
+        # default, two, an answer of 2 MB took 9.4 ms instead of 8.1.
         "size": {"interactive_low": 16, "data": 16},
         "congestion_control": {
             "drop": {"wait_before_drop": _FULL_LINK_MICROSECONDS},
@@ -232,14 +232,14 @@ LINK_SETTINGS: Final[Mapping[str, Any]] = {
         },
     },
 }
-"""How every session of a lab sends on a link, its router included."""
+"""Link settings of every session of a lab, its router included."""
 
 
 def open_session(config: BusConfig) -> tuple[zenoh.Session, tuple[str, ...]]:
-    """Open a session, connected to every endpoint of `config.connect`; return it and where it accepts others.
+    """Open a session, connected to every endpoint of `config.connect`; return it and the endpoints that it listens at.
 
-    Raises `BusError`: A port is in use, nothing answers at an endpoint of `connect`, the router lets this session not
-    in, a certificate or key is not usable, or Zenoh refuses the configuration.
+    Raises `BusError`: A port is in use, nothing answers at an endpoint of `connect`, the router refuses this session, a
+    certificate or key is not usable, or Zenoh refuses the configuration.
     """
     for attempt in range(1, _PORT_ATTEMPTS + 1):
         listening = () if config.mode is BusMode.CLIENT else tuple(_with_port(endpoint) for endpoint in config.listen)
@@ -261,7 +261,7 @@ def _zenoh_config(config: BusConfig, listening: tuple[str, ...]) -> zenoh.Config
                 "listen": {"endpoints": listening, "timeout_ms": 0, "exit_on_failure": True},
                 "connect": {
                     "endpoints": config.connect,
-                    # Zenoh's default is to continue without a word, and to try again forever.
+                    # Zenoh's default is to continue without an error, and to retry forever.
                     "timeout_ms": round(config.connect_timeout_seconds * 1e3),
                     "exit_on_failure": True,
                     "retry": {"period_init_ms": 50, "period_max_ms": 1000, "period_increase_factor": 2},
@@ -283,7 +283,7 @@ def _tls_settings(config: BusConfig) -> dict[str, Any]:
     if tls is None:
         return {}
     return {
-        # Not a second way in beside the secured one.
+        # No unsecured links in addition.
         "protocols": ["tls"],
         "tls": {
             "root_ca_certificate": str(tls.ca),
@@ -302,7 +302,7 @@ def _host_and_port(endpoint: str) -> tuple[str, int]:
 
 
 def _with_port(endpoint: str) -> str:
-    """Replace port 0 by a free port: Zenoh does not report which port it took."""
+    """Replace port 0 by a free port: Zenoh does not report the port that it took."""
     host, port = _host_and_port(endpoint)
     if port != 0:
         return endpoint
@@ -325,7 +325,7 @@ def _answers(endpoint: str) -> bool:
 
 
 def explain_failure(error: str, config: BusConfig) -> str:
-    """Turn a Zenoh error of a session or router into one sentence with the value and what to do."""
+    """Convert a Zenoh error of a session or router to one sentence with the value and the remedy."""
     if taken := re.search(r"listener bound to (\S+): \[?(.*?)(?: \(os error \d+\))? at /", error):
         if "in use" in taken[2]:
             return f"The endpoint {taken[1]} is in use by another process; end that one or choose another in `listen`."

@@ -1,4 +1,4 @@
-"""The folder in which publishers keep their spools on disk, and what dead ones left in it."""
+"""Folder of publishers' spools on disk, including the spools of dead processes."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _RECORD: Final = struct.Struct("<IHQ")
 """Bytes of the payload plus one, so that no record begins with zeros; bytes of the encoding; checksum of epoch, number,
 encoding and payload."""
 _POSITION: Final = struct.Struct("<QQ")
-# What a receiver that stores a few times a second frees at once, at the most that a stream was measured to carry.
+# Segments that a receiver that stores a few times a second frees at once, at the highest measured rate of a stream.
 _MOST_SPARES: Final = 32
 
 
 @dataclass
 class _Segment:
-    """A file of consecutive messages; `offsets` are those of their records."""
+    """File of consecutive messages; `offsets` are the positions of their records."""
 
     path: Path
     descriptor: int
@@ -48,7 +48,7 @@ class _Segment:
         return self.first + len(self.offsets)
 
     def read(self, seq: int) -> Spooled | None:
-        """Return a message, or None where its record is damaged."""
+        """Return a message, or None if its record is damaged."""
         offset = self.offsets[seq - self.first]
         stop = self.offsets[seq - self.first + 1] if seq + 1 < self.stop else self.end
         return _parse(read_at(self.descriptor, stop - offset, offset), self.epoch, seq)
@@ -69,15 +69,15 @@ def _parse(record: bytes, epoch: int, seq: int) -> Spooled | None:
 
 
 def _checksum(epoch: int, seq: int, encoding: bytes, payload: bytes) -> int:
-    # Of 13 KB in half a microsecond; zlib's CRC-32 takes five, which was a tenth of what a block costs its publisher.
+    # 13 KB take half a microsecond; zlib's CRC-32 takes five, which was a tenth of a publisher's cost of a block.
     return xxhash.xxh3_64_intdigest(payload, xxhash.xxh3_64_intdigest(_POSITION.pack(epoch, seq) + encoding))
 
 
 class _DiskStore(Store):
     """Messages of one epoch in a folder; the bound is that of the space, which is shared with other stores.
 
-    A segment in reserve is always taken from the disk before it is needed: a disk that is full is noticed while there
-    is room for what must still be written.
+    A reserve segment is always allocated before it is needed: a full disk is noticed while there is room for the
+    messages that must still be written.
     """
 
     def __init__(self, space: SpoolSpace, folder: Path, *, key: str, epoch: int, writable: bool = True) -> None:
@@ -94,7 +94,7 @@ class _DiskStore(Store):
 
     @property
     def shortage(self) -> str:
-        # A disk that refused is looked at again.
+        # A disk that refused is checked again.
         if self._refusal:
             self._reserve()
         return self._refusal or self._space.shortage
@@ -116,7 +116,7 @@ class _DiskStore(Store):
         segment.end += size
 
     def read(self, seqs: range) -> list[Spooled]:
-        """Read messages; those whose record is damaged are left out."""
+        """Read messages; those with a damaged record are left out."""
         found: list[Spooled] = []
         for segment in self._segments:
             inside = range(max(seqs.start, segment.first), min(seqs.stop, segment.stop))
@@ -148,7 +148,7 @@ class _DiskStore(Store):
         self._spares.clear()
 
     def adopt(self, path: Path, first: int, content: bytes) -> None:
-        """Take over a segment of this key and epoch that a process left behind, up to its first damaged message."""
+        """Adopt a segment of this key and epoch from a dead process, up to its first damaged message."""
         segment = _Segment(
             path, os.open(path, os.O_RDONLY | OPEN_BINARY), self._epoch, first, size=len(content), end=len(self._header)
         )
@@ -163,7 +163,7 @@ class _DiskStore(Store):
 
     @property
     def adopted(self) -> range:
-        """The numbers of all that was taken over."""
+        """Range of the adopted message numbers."""
         return range(self._segments[0].first, self._segments[-1].stop) if self._segments else range(0)
 
     def _begin(self, first: int, *, least: int) -> None:
@@ -202,7 +202,7 @@ class _DiskStore(Store):
         self._space.count(size)
 
     def _release(self, segment: _Segment) -> None:
-        """Keep a segment to be written again, or delete it where room is short."""
+        """Keep a segment for reuse, or delete it if room is short."""
         roomy = self._space.used_bytes < self._space.largest_bytes // 2
         if segment.size != SEGMENT_BYTES or len(self._spares) >= _MOST_SPARES or not roomy or self._refusal:
             self._delete(segment)
@@ -219,7 +219,7 @@ class _DiskStore(Store):
 
 
 def _longest(content: bytes, offset: int) -> int:
-    """Return how many bytes the record at an offset claims to have."""
+    """Return the size in bytes that the record at an offset states."""
     if len(content) < offset + _RECORD.size:
         return 0
     length, encoding_length, _ = _RECORD.unpack_from(content, offset)
@@ -227,7 +227,7 @@ def _longest(content: bytes, offset: int) -> int:
 
 
 def read_header(content: bytes) -> tuple[str, int] | None:
-    """Return key and epoch of a segment, or None where it is none."""
+    """Return key and epoch of a segment, or None if the content is not a segment."""
     if len(content) < _HEAD.size:
         return None
     magic, length = _HEAD.unpack_from(content)
@@ -247,7 +247,7 @@ _LOCK: Final = "lock"
 
 
 class LeftSpool(NamedTuple):
-    """Spool that a dead publisher left."""
+    """Spool of a dead publisher."""
 
     key: str
     epoch: int
@@ -255,22 +255,22 @@ class LeftSpool(NamedTuple):
 
 
 class SpoolFolder(SpoolSpace):
-    """A bounded folder of spools, shared by all publishers of a process that are given it. Safe for threads.
+    """Bounded folder of spools, shared by all publishers of a process that use it. Safe for threads.
 
-    Each process works in its own subfolder, locked while it runs; so several may share the folder, and each may
-    take over what dead ones left.
+    Each process works in its own subfolder, locked while it runs; so several processes may share the folder, and each
+    may take over the spools of dead ones.
 
     Parameters
     ----------
     folder : Path
-        Created if missing.
+        Folder of the spools; created if missing.
     largest_bytes : int
         Bound of all spools of this process together, 16 MiB or more, counted in segments of 4 MiB.
 
     Raises
     ------
     BusError
-        The folder cannot be written, or the bound is too small.
+        If the folder cannot be written or the bound is too small.
     """
 
     def __init__(self, folder: Path, *, largest_bytes: int = FOLDER_BYTES) -> None:
@@ -293,13 +293,13 @@ class SpoolFolder(SpoolSpace):
         return _DiskStore(self, self.path, key=key, epoch=epoch)
 
     def take_over(self) -> list[LeftSpool]:
-        """Take over what processes that are dead left here; what is of no publisher is left alone."""
+        """Take over the spools of dead processes in this folder; files of no publisher are left alone."""
         found: list[LeftSpool] = []
         for folder in sorted(path for path in self._folder.iterdir() if path.is_dir() and path != self.path):
             try:
                 lock = lock_file(folder / _LOCK)
             except OSError:
-                continue  # Its process lives, or another one was faster.
+                continue  # Its process lives, or another process was faster.
             self._taken_over.append((folder, lock))
             for reserve in folder.glob("*.reserve"):
                 reserve.unlink(missing_ok=True)
@@ -316,16 +316,16 @@ class SpoolFolder(SpoolSpace):
                 continue
             key, epoch = header
             store = stores.setdefault(header, _DiskStore(self, self.path, key=key, epoch=epoch, writable=False))
-            # What follows a damaged message is of no use to a receiver that wants all; it stays on the disk.
+            # Messages after a damaged one are of no use to a receiver that needs all; they stay on the disk.
             if not store.adopted or store.adopted.stop == int(first):
                 store.adopt(path, int(first), content)
         return [LeftSpool(key, epoch, _whole(store)) for (key, epoch), store in stores.items()]
 
     def close(self) -> None:
-        """Give the folder up; what is empty is removed."""
+        """Release the folder; empty subfolders are removed."""
         for folder, lock in [(self.path, self._lock), *self._taken_over]:
-            # First what is empty, then the lock, so that no other process takes over what is being removed. Windows
-            # removes no file that is open.
+            # Remove the empty folder's lock file before the lock is released, so that no other process takes the
+            # folder over meanwhile. Windows cannot remove an open file.
             empty = not list(folder.glob(f"*{SUFFIX}"))
             if empty and sys.platform != "win32":
                 (folder / _LOCK).unlink(missing_ok=True)

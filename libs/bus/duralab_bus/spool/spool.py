@@ -8,18 +8,18 @@ from collections import deque
 from typing import Final, NamedTuple
 
 OVERHEAD_BYTES: Final = 128
-"""What a message costs besides its payload: a stream of tiny ones must not grow past the bound either."""
+"""Size of a message in bytes besides its payload: a stream of tiny messages must not exceed the bound either."""
 
 SPOOL_BYTES: Final = 64 * 2**20
-"""Bound of one stream that nobody marks: 11 minutes of a rig with six drives and six responses at 1 kHz."""
+"""Bound in bytes of a stream without acknowledgements: 11 min of a rig with six drives and six responses at 1 kHz."""
 
 
 class SpoolFullError(RuntimeError):
-    """A message could not be kept and was not published; one sentence that says why."""
+    """A message could not be kept and was not published; one sentence with the reason."""
 
 
 class Spooled(NamedTuple):
-    """A message as it was published."""
+    """Message as it was published."""
 
     seq: int
     payload: bytes
@@ -34,7 +34,7 @@ class Store(ABC):
 
     @property
     def shortage(self) -> str:
-        """Reason to put in only what is necessary; empty while there is room."""
+        """Reason to store only what is necessary; empty while there is room."""
         return self._space.shortage
 
     @property
@@ -49,23 +49,23 @@ class Store(ABC):
 
     @abstractmethod
     def append(self, seq: int, payload: bytes, encoding: str) -> None:
-        """Keep the next message; OSError where it cannot be."""
+        """Keep the next message; raises OSError if that fails."""
 
     @abstractmethod
     def read(self, seqs: range) -> list[Spooled]:
-        """Return messages that are kept."""
+        """Return kept messages."""
 
     @abstractmethod
     def drop_before(self, seq: int) -> None:
-        """Release messages below a number, as far as they can be."""
+        """Release messages below a number, as far as possible."""
 
     @abstractmethod
     def drop_oldest(self) -> int | None:
-        """Release the oldest; return the lowest number that is left, or None where no older one can go."""
+        """Release the oldest messages; return the lowest number that is left, or None if none can be released."""
 
     @abstractmethod
     def close(self, *, delete: bool) -> None:
-        """Keep nothing more in this process; what is on disk stays there unless it is to be deleted."""
+        """Release the messages in this process; those on disk stay there unless `delete` is set."""
 
 
 class _MemoryStore(Store):
@@ -112,20 +112,20 @@ class _MemoryStore(Store):
 
 
 class SpoolSpace:
-    """Room in memory for the spools of the publishers that are given it. Safe for threads.
+    """Room in memory for the spools of the publishers that use it. Safe for threads.
 
     Parameters
     ----------
     largest_bytes : int
-        Bound of all of them together, greater than 0. An eighth of it is kept for what has to be published when it is
-        known that there is no more room.
+        Bound of all spools together, greater than 0. An eighth of it is reserved for messages that must still be
+        published after a shortage is reported.
     where : str
-        For sentences.
+        Place of the spools, for messages.
 
     Raises
     ------
     ValueError
-        The bound is below 1.
+        If the bound is below 1.
     """
 
     def __init__(self, largest_bytes: int, *, where: str = "in memory") -> None:
@@ -135,11 +135,11 @@ class SpoolSpace:
         self._where = where
         self._counting = threading.Lock()
         self.used_bytes = 0
-        """How much is taken now."""
+        """Number of bytes used now."""
 
     @property
     def shortage(self) -> str:
-        """Reason to publish no more; empty while there is room."""
+        """Reason to stop publishing; empty while there is room."""
         if self.used_bytes <= self.largest_bytes * 7 // 8:
             return ""
         return f"the spool of {self.largest_bytes / 2**20:.0f} MiB {self._where} is full"
@@ -150,7 +150,7 @@ class SpoolSpace:
         return self.used_bytes > self.largest_bytes
 
     def count(self, size: int) -> None:
-        """Note bytes taken, or given back where negative."""
+        """Add to the used bytes; a negative size releases."""
         with self._counting:
             self.used_bytes += size
 
@@ -160,7 +160,7 @@ class SpoolSpace:
         return _MemoryStore(self)
 
     def close(self) -> None:
-        """Give the room up, when all publishers are closed."""
+        """Release the room after all publishers are closed."""
 
 
 class Extent(NamedTuple):
@@ -174,17 +174,18 @@ class Extent(NamedTuple):
 class Spool:
     """Spool of one epoch, and the part that is not stored elsewhere yet. Safe for threads.
 
-    It is `held` where a receiver stores the stream and says so by marks: then nothing unmarked gives way, and a full
-    store refuses. The oldest give way otherwise, beyond `unheld_bytes`. `extent` is what the store holds already.
+    It is `held` if a receiver stores the stream and acknowledges it by marks: then no unmarked message is dropped, and
+    a full store refuses new ones. Otherwise the oldest are dropped, beyond `unheld_bytes`. `extent` is that of an
+    existing store.
     """
 
     def __init__(self, store: Store, *, held: bool, unheld_bytes: int, extent: Extent | None = None) -> None:
         self._store = store
         self._lock = threading.Lock()
         self.held = held
-        """Whether somebody marks what is stored, and is waited for."""
+        """Whether a receiver acknowledges stored messages, so that unmarked ones are kept."""
         self._unheld_bytes = unheld_bytes
-        # Numbers of their own: to make a tuple of them for every message took as long as to look up its checksum.
+        # Three numbers: making a tuple of them for every message took as long as computing its checksum.
         self._first, self._next, self._marked = extent or Extent(first=0, next=0, marked=0)
 
     @property
@@ -201,19 +202,19 @@ class Spool:
 
     @property
     def settled(self) -> bool:
-        """Whether nobody needs it any more: all of it is marked."""
+        """Whether no receiver needs the spool any more: all of it is marked."""
         return self.held and self._marked >= self._next
 
     @property
     def shortage(self) -> str:
-        """Reason to publish no more before more is marked; empty while there is room."""
+        """Reason to stop publishing until more is marked; empty while there is room."""
         with self._lock:
             return self._store.shortage if self.held else ""
 
     def append(self, payload: bytes, encoding: str) -> int:
         """Keep the next message and return its number, the count of those before.
 
-        Raises `SpoolFullError`: It cannot be kept without giving up another one that is not marked, or the disk refuses
+        Raises `SpoolFullError`: It cannot be kept without dropping another one that is not marked, or the disk refuses
         it.
         """
         with self._lock:
@@ -234,13 +235,13 @@ class Spool:
         return not self.held and (self._store.full or self._store.size > self._unheld_bytes)
 
     def read(self, first: int, stop: int, *, most: int) -> list[Spooled]:
-        """Return the first `most` messages it has from number `first` on and before `stop`, ascending."""
+        """Return the first `most` kept messages from number `first` on and before `stop`, ascending."""
         with self._lock:
             first = max(first, self._first)
             return self._store.read(range(first, min(stop, self._next, first + most)))
 
     def mark(self, marked: int) -> None:
-        """Note that all below a number are stored elsewhere; release them. From now on somebody is waited for."""
+        """Note that all messages below a number are stored elsewhere; release them. From now on the spool is held."""
         with self._lock:
             self.held = True
             self._marked = min(max(marked, self._marked), self._next)
@@ -248,7 +249,7 @@ class Spool:
             self._store.drop_before(self._first)
 
     def close(self, *, delete: bool) -> None:
-        """Keep nothing more in this process; what is on disk and not marked stays there unless it is to be deleted."""
+        """Release the messages in this process; unmarked ones on disk stay there unless `delete` is set."""
         with self._lock:
             self._store.close(delete=delete or not self.held or self._marked >= self._next)
             self._first = self._next

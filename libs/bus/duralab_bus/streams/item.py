@@ -12,25 +12,25 @@ from duralab_bus.faults import FaultError
 from duralab_proto.v1 import query_pb2
 
 POSITION: Final = struct.Struct("<QQ")
-"""The attachment of every stream message: epoch and sequence number, unsigned 64 bit, little-endian."""
+"""Layout of the attachment of every stream message: epoch and sequence number, unsigned 64 bit, little-endian."""
 
 
-# A tuple: one is made for every message that comes.
+# A tuple: one is made for every received message.
 class StreamItem(NamedTuple, Generic[MessageT]):
     """One message of a stream.
 
     Parameters
     ----------
     key : str
-        It was published on.
+        Key on which it was published.
     epoch : int
-        Of the publisher: a new one starts again at sequence number 0.
+        Epoch of the publisher: a new publisher starts again at sequence number 0.
     seq : int
         Sequence number in the epoch, from 0.
     message : Message
-        Parsed.
+        Parsed message.
     payload : bytes
-        The message as it was published: who stores it stores these bytes.
+        Message as published: a receiver that stores it stores these bytes.
     """
 
     key: str
@@ -46,7 +46,7 @@ class StreamItem(NamedTuple, Generic[MessageT]):
 
 
 class RefusedItem(NamedTuple):
-    """One message of a stream that came and is not what is expected: its position as of a StreamItem, and the fault."""
+    """Received message of a stream that is not as expected: its position like that of a StreamItem, and the fault."""
 
     key: str
     epoch: int
@@ -60,7 +60,7 @@ class RefusedItem(NamedTuple):
 
 
 Received: TypeAlias = StreamItem[MessageT] | RefusedItem
-"""What came of a stream."""
+"""Received item of a stream, accepted or refused."""
 
 
 def read_item(

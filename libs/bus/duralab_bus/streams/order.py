@@ -1,4 +1,4 @@
-"""The order of one stream: what may be handed on, what is held back behind a gap, what is missing, lost and stored."""
+"""Order of one stream: messages to deliver, messages held back behind a gap, and missing, lost and stored ones."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Final, Generic, TypeVar
 
 
 class Continuity:
-    """Follows the sequence numbers of one publisher on one key: one instance per (key, epoch).
+    """Tracker of the sequence numbers of one publisher on one key: one instance per (key, epoch).
 
     Numbers count from 0. Memory grows with the number of gaps, not with the length of the stream.
     """
@@ -19,7 +19,7 @@ class Continuity:
 
     @property
     def next_seq(self) -> int:
-        """One more than the largest number received; 0 before the first."""
+        """Largest received number plus one; 0 before the first."""
         return self._next
 
     @property
@@ -30,7 +30,7 @@ class Continuity:
     @property
     def received(self) -> int:
         """Number of different messages received."""
-        # Not len(): a stranger's number may be beyond what it takes.
+        # Not len(): a wrong number from another publisher may exceed its range.
         return self._next - sum(gap.stop - gap.start for gap in self._gaps)
 
     @property
@@ -42,12 +42,12 @@ class Continuity:
         return 0 <= seq < self._next and self._gap_around(seq) is None
 
     def accept(self, seq: int) -> list[range]:
-        """Take note of a message; return the numbers found missing by it: those it jumped over.
+        """Note a message; return the missing numbers that it reveals: those that it jumped over.
 
         Empty for the next in order, for one that fills a gap, and for one that was received before.
         """
         if seq == self._next:
-            # The rule, of which there are thousands a second.
+            # The usual case, thousands of times a second.
             self._next = seq + 1
             return []
         if seq < 0:
@@ -68,7 +68,7 @@ class Continuity:
     def fill(self, seqs: range) -> None:
         """Note all messages of a range of any length."""
         if seqs.start >= self._next:
-            # Behind all gaps: thousands of ranges in order take no longer for those before them.
+            # Behind all gaps: thousands of ranges in order do not search those before them.
             if seqs.start > self._next:
                 self._gaps.append(range(self._next, seqs.start))
             self._next = seqs.stop
@@ -102,10 +102,10 @@ class Continuity:
 
 
 MOST_HELD: Final = 2000
-"""Messages held back behind a gap; what comes beyond them is asked for again."""
+"""Number of messages held back behind a gap; later ones are requested again."""
 
 MOST_LOST_RANGES: Final = 1000
-"""Ranges of lost messages that are remembered: a stream of which every other message is refused may run for months."""
+"""Number of remembered ranges of lost messages: a stream in which every other message is refused may run for months."""
 
 T = TypeVar("T")
 
@@ -115,19 +115,20 @@ class StreamProof:
     """State of one epoch of a stream at a receiver."""
 
     received: int
-    """How many different messages were delivered."""
+    """Number of different messages delivered."""
     next: int
-    """How many were published, as far as is known."""
+    """Number of published messages, as far as known."""
     done: bool
     """Whether the stream is complete: its publisher closed it, or the expected count was received."""
     missing: tuple[range, ...]
-    """Published, and neither delivered nor lost: still asked for."""
+    """Messages published, and neither delivered nor lost: still requested."""
     lost: tuple[range, ...]
-    """Gone from their publisher's spool before they were received, or received and refused; the first 1000 ranges."""
+    """Messages dropped from their publisher's spool before they were received, or received and refused; the first 1000
+    ranges."""
 
     @property
     def complete(self) -> bool:
-        """Whether every message that was ever published is delivered."""
+        """Whether every published message is delivered."""
         return self.done and not self.missing and not self.lost
 
 
@@ -141,7 +142,7 @@ class StreamOrder(Generic[T]):
         self._stored = Continuity()
         self._lost: list[range] = []
         self.lost = 0
-        """How many messages nobody has any more, or were refused."""
+        """Number of messages that no publisher has any more, or that were refused."""
         self._count = 0
         self._done = False
         self._begin: int | None = None
@@ -154,12 +155,12 @@ class StreamOrder(Generic[T]):
 
     @property
     def gap(self) -> bool:
-        """Whether something is known to be published that is not here."""
+        """Whether a published message is known to be missing here."""
         return self._next < self._count
 
     @property
     def progress(self) -> tuple[int, bool]:
-        """Differs when something was delivered or lost, or the first is held back; not when more is held back."""
+        """State that changes when a message is delivered, lost, or the first one held back; not with further ones."""
         return self._delivered.received, self.blocked
 
     @property
@@ -169,16 +170,16 @@ class StreamOrder(Generic[T]):
 
     @property
     def mark(self) -> int:
-        """All below this number are stored, or lost: they need not be kept for this receiver."""
+        """Number below which all messages are stored or lost: they need not be kept for this receiver."""
         return self._stored.contiguous
 
     def accept(self, seq: int, item: T) -> list[T]:
-        """Take a message; return what may be handed on now, in order.
+        """Accept a message; return the messages that may be delivered now, in order.
 
-        Empty for a message that was here before, and for one behind a gap. One that was skipped is handed on at once.
+        Empty for a duplicate and for a message behind a gap. A message that was skipped is delivered at once.
         """
         if seq == self._next == self._delivered.next_seq and not self._held:
-            # The rule, of which there are thousands a second.
+            # The usual case, thousands of times a second.
             self._count = max(self._count, seq + 1)
             self._deliver(seq)
             return [item]
@@ -204,18 +205,18 @@ class StreamOrder(Generic[T]):
             return False, []
         self._delivered.accept(seq)
         self._forgone += 1
-        # It will never be stored, and its publisher need not keep it for that.
+        # It will never be stored, so its publisher need not keep it for that.
         self._stored.accept(seq)
         self._lose(range(seq, seq + 1))
         return True, self._release()
 
     def learn(self, *, first: int, next: int, marked: int, done: bool) -> bool:
-        """Note what the publisher says of its spool; return whether `advance` may hand something on because of it."""
-        # What is beyond the end that its publisher tells is not of this stream.
+        """Note the publisher's report of its spool; return whether `advance` may now deliver messages."""
+        # A message beyond the end that the publisher reports is not of this stream.
         self._count = next if done else max(self._count, next)
         self._done = self._done or done
         if self._begin is None:
-            # What was stored before this receiver was there is no loss of its own; who has the first was there.
+            # Messages stored before this receiver existed are no loss; a receiver that has the first one existed then.
             self._begin = 0 if self._delivered.contiguous else marked
         gone = [part for gap in self._delivered.missing(first) for part in self._not_held(gap)]
         for gap in gone:
@@ -227,21 +228,21 @@ class StreamOrder(Generic[T]):
         return bool(gone)
 
     def expect(self, count: int) -> None:
-        """Note that so many messages were published, and no more will be."""
+        """Note the final number of published messages."""
         self._count = max(self._count, count)
         self._done = True
 
     def skip(self) -> None:
-        """Give up waiting for the first gap: nobody has what is missing, as far as is known."""
+        """Stop waiting for the first gap: as far as known, no publisher has the missing messages."""
         if self._held:
             self._next = min(self._held)
 
     def advance(self) -> list[T]:
-        """Return what may be handed on, after `learn` or `skip`."""
+        """Return the messages that may be delivered, after `learn` or `skip`."""
         return self._release()
 
     def wanted(self, most: int, *, start: int = 0) -> range:
-        """Return the first numbers from `start` on to ask for, at most so many; empty where none is missing."""
+        """Return the first missing numbers from `start` on, at most `most`; empty if none is missing."""
         for gap in self._delivered.missing(self._count):
             for part in self._not_held(range(max(gap.start, start), gap.stop)):
                 return part[:most]
@@ -252,13 +253,13 @@ class StreamOrder(Generic[T]):
         self._stored.accept(seq)
 
     def proof(self) -> StreamProof:
-        """Return what is known."""
+        """Return the known state."""
         return StreamProof(
             received=self._delivered.received - self._forgone,
             next=self._count,
             done=self._done,
             missing=tuple(self._delivered.missing(self._count)),
-            # A refused message that is beyond the end is not of this stream either.
+            # A refused message beyond the end is not of this stream either.
             lost=tuple(
                 range(gap.start, min(gap.stop, self._count))
                 for gap in sorted(self._lost, key=lambda gap: gap.start)

@@ -1,4 +1,4 @@
-"""Publishing a stream: messages with an epoch and a sequence number, kept for who could not take them."""
+"""Publishing of a stream: messages with an epoch and a sequence number, kept for receivers that missed them."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from duralab_bus.spool import SPOOL_BYTES, Spool, SpoolSpace
 from duralab_bus.streams.item import POSITION
 from duralab_bus.streams.replay import ReplayServer
 
-# Above the queries: an answer that waits for a receiver holds its queue, and nothing of a stream must wait behind it.
+# Above the queries: an answer that waits for a receiver blocks its queue, and no stream may wait behind it.
 _PRIORITY: Final = zenoh.Priority.INTERACTIVE_LOW
 
 _epoch_lock = threading.Lock()
@@ -25,7 +25,7 @@ _last_epoch = 0
 
 
 def _new_epoch() -> int:
-    """Return a number that no publisher had before: nanoseconds of the clock, so that later ones are larger."""
+    """Return a number that no earlier publisher had: nanoseconds of the clock, so that later ones are larger."""
     global _last_epoch  # noqa: PLW0603 - unique within the process even when the clock stands still
     with _epoch_lock:
         _last_epoch = max(_last_epoch + 1, time.time_ns())
@@ -33,12 +33,12 @@ def _new_epoch() -> int:
 
 
 class StreamPublisher:
-    """Publishes on one key; made by `Bus.publisher`. May be used from several threads.
+    """Publisher on one key; made by `Bus.publisher`. May be used from several threads.
 
-    No receiver holds it up: a message that a receiver's link has no room for is dropped there. It stays in the spool,
-    from where receivers ask for it on `<key>/@replay`. If no receiver marks messages as stored, the oldest are dropped,
-    and the spool outlives `close` by a minute, but no more than three publishers closed later. Where a client does,
-    everything that is not marked is kept: `shortage` says when to stop, and a full spool refuses.
+    No receiver delays it: a message that a receiver's link has no room for is dropped there. It stays in the spool,
+    from which receivers request it on `<key>/@replay`. If no receiver marks messages as stored, the oldest are dropped,
+    and the spool outlives `close` by a minute, but no more than three publishers closed later. If a receiver does, all
+    unmarked messages are kept: `shortage` states when to stop, and a full spool refuses.
     """
 
     def __init__(
@@ -62,23 +62,23 @@ class StreamPublisher:
         self._publisher = session.declare(
             lambda joined: joined.declare_publisher(
                 key,
-                # Not BLOCK: one receiver that is frozen would stop its publisher, and the rig with it.
+                # Not BLOCK: one frozen receiver would stop its publisher, and the rig with it.
                 congestion_control=zenoh.CongestionControl.DROP,
                 reliability=zenoh.Reliability.RELIABLE,
                 priority=_PRIORITY,
             )
         )
         store = spools.store(key=key, epoch=self.epoch)
-        # Those of a process that nobody marks share the space with those that somebody does.
+        # Streams without acknowledgements share the space with those that are acknowledged.
         self._spool = Spool(store, held=held, unheld_bytes=min(SPOOL_BYTES, spools.largest_bytes // 8))
         self._offer = replays.offer(key=key, epoch=self.epoch, spool=self._spool)
 
     @property
     def shortage(self) -> str:
-        """Reason to publish no more until more is marked as stored; empty while there is room.
+        """Reason to stop publishing until more is marked as stored; empty while there is room.
 
-        An eighth of the spool, or what is left of a segment on a full disk, is still there then: for what has to be
-        published all the same, such as the way down of a rig.
+        An eighth of the spool, or the rest of a segment on a full disk, is still free then: for messages that must be
+        published nevertheless, such as the ramp down of a rig.
         """
         return self._spool.shortage
 
@@ -86,24 +86,24 @@ class StreamPublisher:
     def unmarked(self) -> int:
         """Number of messages that are not marked as stored.
 
-        A publisher that could outrun its receiver waits while these are more than a few thousand: what a receiver has
-        no room for must be replayed, which costs both more than waiting.
+        A publisher that could outrun its receiver waits while these are more than a few thousand: messages that a
+        receiver has no room for must be replayed, which costs both more than waiting.
         """
         return self._spool.unmarked
 
     def put(self, message: Message) -> int:
-        """Publish a message and return its sequence number, from 0; waits for no receiver.
+        """Publish a message and return its sequence number, from 0; does not wait for receivers.
 
-        That it was published does not prove that it arrived. Raises `FaultError` INVALID_ARGUMENT when it is too large,
-        `SpoolFullError` when it was not published because it could not be kept, and `BusError` where the publisher or
-        its bus is closed.
+        A published message has not necessarily arrived. Raises `FaultError` INVALID_ARGUMENT when it is too large,
+        `SpoolFullError` when it was not published because it could not be kept, and `BusError` if the publisher or its
+        bus is closed.
         """
         payload = encode(message, largest_bytes=self._largest_bytes)
         # One lock around number and sending, so that the order on the wire is the order of the numbers.
         with self._lock:
             if self._closed:
                 raise BusError(f"The publisher of {self.key} is closed.")
-            # Kept first: whatever anybody received can be asked for again, also of a process that was killed.
+            # Kept first: every received message can be requested again, also from a process that was killed.
             seq = self._spool.append(payload, encoding_of(message))
             self._send(payload, encoding=zenoh_encoding_of(type(message)), seq=seq)
             self._published.add(message.DESCRIPTOR.name)
@@ -116,7 +116,7 @@ class StreamPublisher:
         try:
             publisher.put(payload, encoding=encoding, attachment=POSITION.pack(self.epoch, seq))
         except zenoh.ZError as error:
-            # While the router is away nobody receives it: it is asked for afterwards.
+            # While the router is away no receiver gets the message: it is requested afterwards.
             if self._session.closed:
                 raise BusError(f"The bus under the publisher of {self.key} is closed.") from error
 

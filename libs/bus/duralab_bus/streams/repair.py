@@ -1,4 +1,4 @@
-"""Keeps the streams of a subscription whole: asks how far they reach, fetches what is missing, marks what is stored."""
+"""Repair of a subscription's streams: queries their extent, fetches missing messages, marks stored ones."""
 
 from __future__ import annotations
 
@@ -17,33 +17,33 @@ from duralab_bus.streams.order import StreamOrder, StreamProof
 from duralab_bus.streams.replay import MOST_REPLAYED, Head, ReplayClient
 
 FOLLOWED_STREAMS: Final = 256
-"""Epochs whose numbers are remembered: every playback has one, and a lab runs for months."""
+"""Number of epochs that are remembered: every playback has one, and a lab runs for months."""
 
 POLL_SECONDS: Final = 0.5
-"""How often publishers are asked how far they are: the end of a stream shows no gap."""
+"""Interval in seconds at which publishers are asked for their extent: the end of a stream shows no gap."""
 
 GAP_POLL_SECONDS: Final = 0.1
-"""How often while something is missing."""
+"""The same interval while messages are missing."""
 
 HEARD_SECONDS: Final = 2.0
-"""A publisher that did not answer for so long is not asked for what is missing at every poll."""
+"""Time in seconds: a publisher that did not answer for longer is not asked for missing messages at every poll."""
 
 PATIENCE_POLLS: Final = 20
-"""After so many polls, 2 s, with no publisher that has what is missing, what is held back behind it is delivered.
-Polls, not seconds: a receiver that was frozen has not asked anybody meanwhile."""
+"""Number of polls, 2 s, after which messages held back behind a gap are delivered if no publisher has the missing ones.
+Polls, not seconds: a receiver that was frozen has not polled meanwhile."""
 
 STUCK_POLLS: Final = 100
-"""The same where a publisher says that it has it, and nothing comes of asking."""
+"""The same number if a publisher reports to have the missing messages, but requests return none."""
 
 MOST_REPORTED: Final = 1000
-"""Numbers of refused messages that are remembered for each stream, so that they are told once; later ones twice."""
+"""Number of remembered refused messages of each stream, so that each is reported once; further ones twice."""
 
 Stream = tuple[str, int]
 """Key and epoch."""
 
 
 class _Followed(Generic[MessageT]):
-    """One epoch of a stream, and when what was heard of it."""
+    """One epoch of a stream, and when its publisher last answered."""
 
     def __init__(self) -> None:
         self.order = StreamOrder[StreamItem[MessageT]]()
@@ -56,10 +56,10 @@ class _Followed(Generic[MessageT]):
 
 
 class StreamRepair(Generic[MessageT]):
-    """Follows all streams of one subscription; asks on its own thread. Safe for threads.
+    """Follower of all streams of one subscription; queries on its own thread. Safe for threads.
 
-    `deliver` is called with what was fetched, or with nothing where messages that were held back may continue; it calls
-    `take`, and one of the owner's callbacks for each message that `take` returns, however long that takes.
+    `deliver` is called with fetched messages, or with none if held-back messages may continue; it calls `take`, and one
+    of the owner's callbacks for each message that `take` returns, regardless of how long that takes.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class StreamRepair(Generic[MessageT]):
         self._freed: list[_Followed[MessageT]] = []
         self._wake = threading.Event()
         self.fetched = 0
-        """Messages that were fetched from a publisher's spool."""
+        """Number of messages fetched from a publisher's spool."""
         self._lost_by_forgotten = 0
         self._marks = False
         self._closed = False
@@ -89,7 +89,7 @@ class StreamRepair(Generic[MessageT]):
         self._thread.start()
 
     def take(self, items: Sequence[Received[MessageT]], *, replayed: bool) -> list[Received[MessageT]]:
-        """Take messages that arrived, or were replayed; return what is to be delivered, or told of as refused, now."""
+        """Accept messages that arrived or were replayed; return those to deliver, or to report as refused, now."""
         ready: list[Received[MessageT]] = []
         with self._lock:
             freed, self._freed = self._freed, []
@@ -109,7 +109,7 @@ class StreamRepair(Generic[MessageT]):
         if replayed:
             new, behind = followed.order.refuse(item.seq)
             return [item, *behind] if new and item.seq not in followed.reported else list(behind)
-        # Spoilt on its way, or a stranger's: its publisher may have it whole, and is asked.
+        # Damaged in transit, or from another publisher: the publisher may have it intact, and is asked.
         self._wake.set()
         known = item.seq in followed.reported
         if len(followed.reported) < MOST_REPORTED:
@@ -117,7 +117,7 @@ class StreamRepair(Generic[MessageT]):
         return [] if known else [item]
 
     def release(self) -> list[StreamItem[MessageT]]:
-        """Return all that is held back, when nothing more is to come."""
+        """Return all messages that are held back, when no more will arrive."""
         with self._lock:
             return [each for followed in self._streams.values() for each in self._drained(followed)]
 
@@ -128,7 +128,7 @@ class StreamRepair(Generic[MessageT]):
             yield from followed.order.advance()
 
     def mark(self, positions: Iterable[tuple[str, int, int]]) -> None:
-        """Note what is stored and tell the publishers; see `Subscription.mark`."""
+        """Note which messages are stored and notify the publishers; see `Subscription.mark`."""
         moved: dict[Stream, int] = {}
         with self._lock:
             self._marks = True
@@ -142,31 +142,31 @@ class StreamRepair(Generic[MessageT]):
         self._send_marks(moved)
 
     def expect(self, key: str, epoch: int, count: int) -> None:
-        """Note how many messages there are; see `Subscription.expect`."""
+        """Note the number of messages; see `Subscription.expect`."""
         with self._lock:
             self._follow((key, epoch)).order.expect(count)
         self._wake.set()
 
     def proof(self, key: str, epoch: int) -> StreamProof:
-        """Return what is known of an epoch; see `Subscription.proof`."""
+        """Return the known state of an epoch; see `Subscription.proof`."""
         with self._lock:
             followed = self._streams.get((key, epoch))
             return StreamOrder[object]().proof() if followed is None else followed.order.proof()
 
     @property
     def lost(self) -> int:
-        """Messages that no publisher has any more or that were refused, of all streams that were ever followed."""
+        """Number of messages that no publisher has any more or that were refused, of all streams ever followed."""
         with self._lock:
             return self._lost_by_forgotten + sum(followed.order.lost for followed in self._streams.values())
 
     @property
     def missing(self) -> int:
-        """Messages that are known to be published, and neither here nor lost."""
+        """Number of messages that are known to be published, but neither received nor lost."""
         with self._lock:
             return sum(followed.order.missing for followed in self._streams.values())
 
     def close(self) -> None:
-        """Ask no more."""
+        """Stop querying."""
         self._closed = True
         self._wake.set()
 
@@ -175,8 +175,8 @@ class StreamRepair(Generic[MessageT]):
             return known
         followed = self._streams.pop(stream, None) or _Followed[MessageT]()
         self._latest = followed
-        # Back to the end: the one that was silent for longest is forgotten first, of those first of which no publisher
-        # ever told anything.
+        # Moved to the end: the stream that was silent for longest is forgotten first; before it, streams of which no
+        # publisher ever reported anything.
         self._streams[stream] = followed
         if len(self._streams) > FOLLOWED_STREAMS:
             strangers = (known for known, other in self._streams.items() if math.isinf(other.heard) and known != stream)
@@ -188,7 +188,7 @@ class StreamRepair(Generic[MessageT]):
         while not self._closed:
             try:
                 self._client.ask_heads(self._expression, self._on_head)
-                # Answers from living publishers are here within milliseconds; what is late counts the next time.
+                # Answers from live publishers arrive within milliseconds; late ones count at the next poll.
                 busy = self._rest(GAP_POLL_SECONDS)
                 self._fetch()
                 if not busy:
@@ -196,7 +196,7 @@ class StreamRepair(Generic[MessageT]):
                 self._wake.clear()
             except BusError:
                 return
-            except Exception:  # noqa: BLE001 - whatever one question met, the next one may meet nothing
+            except Exception:  # noqa: BLE001 - the next poll may work
                 self._log.exception("Streams could not be repaired.")
 
     def _rest(self, seconds: float) -> bool:
@@ -207,7 +207,7 @@ class StreamRepair(Generic[MessageT]):
             )
 
     def _on_head(self, answer: Head) -> None:
-        """Note how far a stream reaches; on Zenoh's thread."""
+        """Note the extent of a stream; on Zenoh's thread."""
         key, head = answer
         with self._lock:
             followed = self._follow((key, head.epoch))
@@ -217,7 +217,7 @@ class StreamRepair(Generic[MessageT]):
             followed.heard = now
             if followed.order.learn(first=head.first, next=head.next, marked=head.marked, done=head.done):
                 self._freed.append(followed)
-            # It did not hear of the last mark, was started again, or has what was refused.
+            # The publisher did not receive the last mark, was restarted, or has a message that was refused.
             behind = self._marks and head.marked < followed.order.mark
             mark = followed.order.mark
         if behind:
@@ -228,10 +228,10 @@ class StreamRepair(Generic[MessageT]):
             for (key, epoch), stored in marks.items():
                 self._client.mark(key, epoch=epoch, stored=stored)
         except BusError:
-            return  # What is not marked stays in its spool.
+            return  # Unmarked messages stay in their spool.
 
     def _fetch(self) -> None:
-        """Ask for what is missing in each stream, as long as something comes."""
+        """Request the missing messages of each stream, as long as some are returned."""
         with self._lock:
             streams = list(self._streams.items())
             go_on = bool(self._freed)
@@ -242,14 +242,14 @@ class StreamRepair(Generic[MessageT]):
                 pass
 
     def _fetch_part(self, key: str, epoch: int, followed: _Followed[MessageT]) -> bool:
-        """Ask once for what is missing in a stream; return whether there may be more."""
+        """Request missing messages of a stream once; return whether there may be more."""
         with self._lock:
             order = followed.order
             wanted = order.wanted(MOST_REPLAYED, start=followed.cursor)
             if order.progress != followed.progress:
                 followed.progress, followed.fruitless = order.progress, 0
         if not wanted:
-            # What was fetched may still be on its way to the delivering thread: what lacks then is asked for next time.
+            # Fetched messages may not have reached the delivering thread yet: missing ones are requested next time.
             followed.cursor = 0
             replayed, followed.replayed = followed.replayed, 0
             if replayed:
@@ -258,7 +258,7 @@ class StreamRepair(Generic[MessageT]):
         known = time.monotonic() - followed.heard < HEARD_SECONDS
         patience = STUCK_POLLS if known else PATIENCE_POLLS
         if followed.fruitless > patience and not known:
-            return False  # Nobody to ask before a publisher says that he has it.
+            return False  # No request until a publisher reports to have the messages.
         found = self._ask(key, epoch, wanted)
         if found:
             self._deliver(found)

@@ -1,9 +1,9 @@
-"""Serving spools: a publisher answers on `<key>/@replay` and `<key>/@head`, and hears of marks on `<key>/@mark`.
+"""Service of spools: a publisher answers on `<key>/@replay` and `<key>/@head`, and receives marks on `<key>/@mark`.
 
-A replay query carries the key parameters `epoch`, `first` and `stop`: which publisher, and which sequence numbers from
-`first` on and before `stop`. Each reply is one message with payload, encoding and attachment as it was published; at
-most 1000 a query, the first ones there are. A publisher of another epoch, or one that has none of them any more, sends
-nothing. A head query is answered with one StreamHead for each epoch that is kept.
+A replay query has the key parameters `epoch`, `first` and `stop`: the publisher, and the sequence numbers from `first`
+on and before `stop`. Each reply is one message with payload, encoding and attachment as published; at most 1000 a
+query, the first existing ones. A publisher of another epoch, or one that has none of them any more, sends nothing. A
+head query is answered with one StreamHead for each epoch that is kept.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from duralab_proto.v1 import query_pb2, stream_pb2
 class DelayedExecutor:
     """Executor that runs each job after its delay, in the order of their times; the thread starts with the first job.
 
-    Not on Zenoh's threads: a slow callback there blocks the session. What a job raises is logged.
+    Not on Zenoh's threads: a slow callback there blocks the session. An exception of a job is logged.
     """
 
     def __init__(self, name: str) -> None:
@@ -50,13 +50,13 @@ class DelayedExecutor:
                 return
             heapq.heappush(self._jobs, (time.monotonic() + seconds, next(self._numbers), job))
             if self._thread is None:
-                # A daemon: a job that is stuck must not keep the process from ending.
+                # A daemon: a stuck job must not keep the process from ending.
                 self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
                 self._thread.start()
             self._changed.notify()
 
     def close(self) -> None:
-        """Run the jobs that are due, discard the others; wait for the thread, but not for a job that is stuck."""
+        """Run the jobs that are due, discard the others; wait for the thread, but not for a stuck job."""
         with self._changed:
             self._closed = True
             now = time.monotonic()
@@ -69,7 +69,7 @@ class DelayedExecutor:
         while (job := self._next()) is not None:
             try:
                 job()
-            except Exception:  # noqa: BLE001 - what one job raises must not keep the others from running
+            except Exception:  # noqa: BLE001 - an exception of one job must not keep the others from running
                 structlog.get_logger("duralab_bus").exception("A job failed.", thread=self._name)
 
     def _next(self) -> Callable[[], None] | None:
@@ -84,40 +84,40 @@ class DelayedExecutor:
 
 
 MOST_REPLAYED: Final = 1000
-"""Messages answered to one query, so that no answer keeps the others waiting for long."""
+"""Largest number of messages in the answer to one query, so that no answer delays the others for long."""
 
 KEPT_SPOOLS: Final = 4
 KEPT_SECONDS: Final = 60.0
-"""Spools that nobody marks: those of the last publishers that were closed are kept for so long, because the tail of a
-run is asked for after it."""
+"""Time in seconds for which the unacknowledged spools of the last closed publishers are kept, because the tail of a
+run is requested after it."""
 
 LAST_HEAD_SECONDS: Final = 5.0
-"""How long it is still told how many messages a stream had, when it ended and all of it is marked."""
+"""Time in seconds for which the final extent of a stream is still reported after its end, when all of it is marked."""
 
 _JOIN_SECONDS: Final = 2.0
 _LARGEST_SEQ: Final = 2**64
 _LARGEST_MARK: Final = 64
-# A recorder brings what it has to the disk four times a second.
+# A recorder flushes to disk four times a second.
 _LAST_MARKS_SECONDS: Final = 0.5
 
 
 def replay_key(key: str) -> str:
-    """Return where the replay of a stream is asked for; no wildcard of a subscription matches it."""
+    """Return the key for replay queries of a stream; no wildcard of a subscription matches it."""
     return f"{key}/@replay"
 
 
 def head_key(key: str) -> str:
-    """Return where it is asked how far a stream reaches."""
+    """Return the key for queries of a stream's extent."""
     return f"{key}/@head"
 
 
 def mark_key(key: str) -> str:
-    """Return where it is published how far a stream is stored."""
+    """Return the key on which the stored extent of a stream is published."""
     return f"{key}/@mark"
 
 
 class SpoolOffer:
-    """The spool of one epoch as it is offered on the bus."""
+    """Spool of one epoch as offered on the bus."""
 
     def __init__(self, server: ReplayServer, *, key: str, epoch: int, spool: Spool) -> None:
         self.spool = spool
@@ -128,16 +128,16 @@ class SpoolOffer:
         self._expression = zenoh.KeyExpr(key)
 
     def is_on(self, stream: zenoh.KeyExpr) -> bool:
-        """Return whether a key or key expression is that of the stream."""
+        """Return whether a key or key expression matches the stream."""
         return stream.intersects(self._expression)
 
     def retire(self) -> None:
-        """Nothing more will be published: offer it until it is marked, or for a while where nobody marks."""
+        """End the stream: offer it until all of it is marked, or for a limited time without acknowledgements."""
         self.done = True
         self._server.retire(self)
 
     def replay(self, query: zenoh.Query, *, first: int, stop: int) -> None:
-        """Send what is kept from number `first` on and before `stop`."""
+        """Send the kept messages from number `first` on and before `stop`."""
         for spooled in self.spool.read(first, stop, most=MOST_REPLAYED):
             query.reply(
                 replay_key(self._key),
@@ -147,8 +147,8 @@ class SpoolOffer:
             )
 
     def answer_head(self, query: zenoh.Query) -> None:
-        """Say how far it reaches."""
-        # Before the extent: what is done grows no more.
+        """Answer with the extent of the stream."""
+        # Before the extent: a stream that is done does not grow any more.
         done, extent = self.done, self.spool.extent
         head = stream_pb2.StreamHead(
             epoch=self.epoch, first=extent.first, next=extent.next, marked=extent.marked, done=done
@@ -156,9 +156,9 @@ class SpoolOffer:
         query.reply(head_key(self._key), head.SerializeToString(), encoding=encoding_of(head))
 
     def take_mark(self, marked: int) -> None:
-        """Heed that all below a number are stored; on Zenoh's thread."""
+        """Accept a mark: all messages below a number are stored; on Zenoh's thread."""
         if marked > self.spool.extent.next:
-            # Nobody stores what was never published: this is not the recorder.
+            # A recorder does not store unpublished messages: this mark is not from one.
             structlog.get_logger("duralab_bus").warning("A mark is refused.", key=self._key, next=marked)
         else:
             self._server.do(lambda: self._mark(marked), bulk=False)
@@ -171,7 +171,7 @@ class SpoolOffer:
 
 def _answered(query: zenoh.Query, answer: Callable[[zenoh.Query], None]) -> None:
     try:
-        # Leaving the query undropped would let the asker wait for more.
+        # A query that is not dropped would let the client wait for more.
         with query:
             answer(query)
     except zenoh.ZError:
@@ -190,17 +190,17 @@ def _number(query: zenoh.Query, name: str) -> int:
 
 
 class ReplayServer:
-    """Answers for the spools of one session: replays one after the other on one thread, heads and marks on another.
+    """Server of one session's spools: replays one after the other on one thread, heads and marks on another.
 
-    It asks to be asked for a whole family of streams, such as all runs of a rig, and once: Zenoh 1.10.2 forgets nothing
-    that was ever declared on its own key, and every declaration takes longer for it (see `queries/client.py`).
+    It declares its keys once for a whole family of streams, such as all runs of a rig: Zenoh 1.10.2 never forgets a
+    separate key that was declared, and every declaration gets slower (see `queries/client.py`).
     """
 
     def __init__(self, session: BusSession) -> None:
         self._session = session
         self._lock = threading.Lock()
         self._offers: set[SpoolOffer] = set()
-        # Not the lock of the offers: what comes on Zenoh's threads must not wait for a declaration.
+        # Not the lock of the offers: callbacks on Zenoh's threads must not wait for a declaration.
         self._declaring = threading.Lock()
         self._families: dict[str, tuple[Declaration[Any], ...]] = {}
         self._retired: deque[SpoolOffer] = deque()
@@ -209,7 +209,7 @@ class ReplayServer:
 
     @property
     def unstored(self) -> int:
-        """Number of messages that a store has not acknowledged."""
+        """Number of messages that a receiver has not acknowledged as stored."""
         with self._lock:
             extents = [offer.spool.extent for offer in self._offers if offer.spool.held]
         return sum(extent.next - extent.marked for extent in extents)
@@ -275,17 +275,17 @@ class ReplayServer:
                 offer.take_mark(mark.next)
 
     def _offered(self, asked: zenoh.KeyExpr) -> list[SpoolOffer]:
-        """Return what is offered of the streams whose `@replay`, `@head` or `@mark` a key is."""
+        """Return the offers of the streams that a `@replay`, `@head` or `@mark` key matches."""
         stream = zenoh.KeyExpr(str(asked).rpartition("/")[0])
         with self._lock:
             return [offer for offer in self._offers if offer.is_on(stream)]
 
     def do(self, job: Callable[[], None], *, bulk: bool) -> None:
-        """Have something done on a thread of this server; never blocks."""
+        """Run a job on a thread of this server; never blocks."""
         (self._bulk if bulk else self._small).put(0.0, job)
 
     def retire(self, offer: SpoolOffer) -> None:
-        """Keep an offer until it is settled, or as one of the last few where nobody marks."""
+        """Keep an offer until it is settled; without acknowledgements, as one of the last few."""
         if offer.spool.settled:
             self.settle(offer)
         if offer.spool.held:
@@ -303,7 +303,7 @@ class ReplayServer:
         self._small.put(LAST_HEAD_SECONDS, lambda: self.withdraw(offer))
 
     def close(self) -> None:
-        """Offer nothing more, after a moment for the last marks; what is on disk and not marked stays there."""
+        """Withdraw all offers, after a short wait for the last marks; unmarked messages on disk stay there."""
         deadline = time.monotonic() + _LAST_MARKS_SECONDS
         while time.monotonic() < deadline and self._unsettled():
             time.sleep(0.01)
@@ -329,7 +329,7 @@ class ReplayServer:
             self.withdraw(offer)
 
     def withdraw(self, offer: SpoolOffer) -> None:
-        """Offer it no more, and release what was kept."""
+        """Withdraw an offer, and release its spool."""
         with self._lock:
             if offer not in self._offers:
                 return
@@ -341,11 +341,11 @@ class ReplayServer:
 
 _TIMEOUT_SECONDS: Final = 2.0
 _LARGEST_HEAD: Final = 128
-# Below the streams: neither a long replay nor an asker that is frozen in the middle of one holds them up.
+# Below the streams: neither a long replay nor a client that is frozen during one delays them.
 _PRIORITY: Final = zenoh.Priority.DATA_LOW
 
 Head = tuple[str, stream_pb2.StreamHead]
-"""The stream's key, and how far it reaches."""
+"""Key of a stream, and its extent."""
 
 
 class ReplayClient:
@@ -356,7 +356,7 @@ class ReplayClient:
         self._largest_bytes = largest_bytes
 
     def ask(self, key: str, message_type: type[MessageT], *, epoch: int, wanted: range) -> list[Received[MessageT]]:
-        """Ask once; return what came of it, at most 1000 messages, ascending."""
+        """Send one replay query; return the received messages, at most 1000, ascending."""
         replies: SimpleQueue[zenoh.Reply | None] = SimpleQueue()
         stop = zenoh.CancellationToken()
         try:
@@ -367,7 +367,7 @@ class ReplayClient:
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 accept_replies=zenoh.ReplyKeyExpr.ANY,
-                # Said for the replies as well, which follow the query.
+                # Applies also to the replies, which follow the query.
                 congestion_control=zenoh.CongestionControl.BLOCK,
                 priority=_PRIORITY,
                 timeout=_TIMEOUT_SECONDS,
@@ -378,14 +378,14 @@ class ReplayClient:
             return []
         items: dict[int, Received[MessageT]] = {}
         try:
-            # Zenoh ends the query after the timeout by itself; twice as long only where its session is stuck.
+            # Zenoh ends the query after the timeout; a wait of twice that time means a stuck session.
             while (reply := replies.get(timeout=2 * _TIMEOUT_SECONDS)) is not None:
                 if reply.ok is None:
                     continue
                 item = read_item(reply.ok, key=key, message_type=message_type, largest_bytes=self._largest_bytes)
                 if item.epoch != epoch or item.seq not in wanted:
                     continue
-                # Where more than one answers, what can be read counts.
+                # If several publishers answer, a message that can be read replaces one that cannot.
                 if isinstance(item, StreamItem) or item.seq not in items:
                     items[item.seq] = item
         except Empty:
@@ -395,7 +395,7 @@ class ReplayClient:
         return [items[seq] for seq in sorted(items)]
 
     def ask_heads(self, key_expression: str, take: Callable[[Head], None]) -> zenoh.CancellationToken:
-        """Ask how far the streams reach; each answer is handed over as it comes, on Zenoh's thread, for 2 s at most."""
+        """Query the extents of streams; `take` gets each answer on arrival, on Zenoh's thread, for 2 s at most."""
 
         def on_reply(reply: zenoh.Reply) -> None:
             sample = reply.ok
@@ -404,7 +404,7 @@ class ReplayClient:
             try:
                 head = decode(sample.payload, sample.encoding, stream_pb2.StreamHead, largest_bytes=_LARGEST_HEAD)
             except FaultError:
-                return  # Of a stranger: it says nothing about its stream then.
+                return  # Not from a publisher of this contract: ignored.
             take((str(sample.key_expr).rpartition("/")[0], head))
 
         stop = zenoh.CancellationToken()
@@ -415,7 +415,7 @@ class ReplayClient:
                 target=zenoh.QueryTarget.ALL,
                 consolidation=zenoh.ConsolidationMode.NONE,
                 accept_replies=zenoh.ReplyKeyExpr.ANY,
-                # An answer that is lost is asked for again: nobody waits for a link because of it.
+                # A lost answer is requested again: no link may block for it.
                 congestion_control=zenoh.CongestionControl.DROP,
                 timeout=_TIMEOUT_SECONDS,
                 cancellation_token=stop,
@@ -432,7 +432,7 @@ class ReplayClient:
                 mark_key(key),
                 mark.SerializeToString(),
                 encoding=encoding_of(mark),
-                # A mark that is lost is followed by another.
+                # A lost mark is followed by another.
                 congestion_control=zenoh.CongestionControl.DROP,
                 priority=zenoh.Priority.INTERACTIVE_HIGH,
             )
@@ -440,6 +440,6 @@ class ReplayClient:
             self._expect_open(f"{key} cannot be marked", error)
 
     def _expect_open(self, what: str, error: zenoh.ZError) -> None:
-        """Pass over what the session of a router that is away cannot send: it is asked for again."""
+        """Raise BusError if this bus is closed; ignore the error of a router that is away: the request is repeated."""
         if self._session.closed:
             raise BusError(f"{what}: this bus is closed ({error}).") from error

@@ -1,4 +1,4 @@
-"""Receiving streams: as they come, or whole and in order."""
+"""Reception of streams: as they arrive, or complete and in order."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from duralab_bus.streams.repair import StreamRepair
 from duralab_bus.streams.replay import ReplayClient
 
 MOST_WAITING: Final = 8192
-"""Messages that wait for the callback, in Zenoh's own memory: its threads never wait for Python's lock. When there are
-more, the oldest are dropped, and with repair fetched again."""
+"""Number of messages that wait for the callback, in Zenoh's own memory: its threads never wait for Python's lock.
+Beyond that the oldest are dropped, and with repair fetched again."""
 
 _JOIN_SECONDS: Final = 2.0
 _MOST_AT_ONCE: Final = 63
 
 
 class Subscription(Generic[MessageT]):
-    """Receives what is published on a key expression; made by `Bus.subscribe`, ended by `close`."""
+    """Subscription to the messages of a key expression; made by `Bus.subscribe`, ended by `close`."""
 
     def __init__(
         self,
@@ -45,7 +45,7 @@ class Subscription(Generic[MessageT]):
         self.message: str = message_type.DESCRIPTOR.name
         """Name of the message type."""
         self.received = 0
-        """Messages handed to the callback."""
+        """Number of messages passed to the callback."""
         self._type = message_type
         self._callback = callback
         self._on_problem = on_problem or self._log_problem
@@ -53,7 +53,7 @@ class Subscription(Generic[MessageT]):
         self._on_close = on_close
         self._closed = False
         self._log = structlog.get_logger("duralab_bus").bind(key=key_expression)
-        # One message after the other, whichever thread has it. Closing may be asked for by the callback itself.
+        # One message after the other, on any thread. The callback itself may call `close`.
         self._delivering = threading.RLock()
         self._rest: list[zenoh.Sample] = []
         self._repair: StreamRepair[MessageT] | None = None
@@ -64,7 +64,7 @@ class Subscription(Generic[MessageT]):
         self._inbox = session.receive(
             lambda joined: joined.declare_subscriber(key_expression, zenoh.handlers.RingChannel(MOST_WAITING))
         )
-        # A daemon: a callback that is stuck must not keep the process from ending.
+        # A daemon: a stuck callback must not keep the process from ending.
         self._thread = threading.Thread(
             target=self._run, name=f"duralab_bus-{message_type.DESCRIPTOR.name}", daemon=True
         )
@@ -73,14 +73,14 @@ class Subscription(Generic[MessageT]):
     def mark(self, positions: Iterable[tuple[str, int, int]]) -> None:
         """Acknowledge messages that are stored, or never will be: publishers need not keep them any longer.
 
-        Only for the one receiver that stores a stream, which then has to mark everything that it was given, by
-        `StreamItem.position` in any order: publishers wait for it. What was refused, or is lost, is marked with the
-        rest. None says that this is the one that stores.
+        Only for the one receiver that stores a stream. It must then mark every message that it received, by
+        `StreamItem.position` in any order: publishers wait for it. Refused and lost messages are marked with the rest.
+        A call without positions declares this receiver as the one that stores.
         """
         self._repaired.mark(positions)
 
     def expect(self, key: str, epoch: int, count: int) -> None:
-        """Say how many messages an epoch of a stream has, where that is known from elsewhere: those missing are got."""
+        """Note the number of messages of an epoch, known from elsewhere, so that missing ones are fetched."""
         self._repaired.expect(key, epoch, count)
 
     def proof(self, key: str, epoch: int) -> StreamProof:
@@ -89,26 +89,26 @@ class Subscription(Generic[MessageT]):
 
     @property
     def fetched(self) -> int:
-        """Messages that were lost on the way here and fetched from their publisher's spool."""
+        """Number of messages that were lost in transit and fetched from their publisher's spool."""
         return 0 if self._repair is None else self._repair.fetched
 
     @property
     def lost(self) -> int:
-        """Messages that are lost on the bus, and those that were received and refused."""
+        """Number of messages that are lost on the bus, or that were received and refused."""
         return 0 if self._repair is None else self._repair.lost
 
     @property
     def missing(self) -> int:
-        """Messages that are known to be published, and neither here nor lost."""
+        """Number of messages that are known to be published, but neither received nor lost."""
         return 0 if self._repair is None else self._repair.missing
 
     def close(self) -> None:
-        """Receive no more; what was received before is delivered first, also what was held back behind a gap."""
+        """Stop receiving; messages received before are delivered first, also those held back behind a gap."""
         if self._closed:
             return
         if self._repair is not None:
             self._repair.close()
-        # Not for a callback that is stuck.
+        # Do not wait for a stuck callback.
         free = self._delivering.acquire(timeout=_JOIN_SECONDS)
         try:
             self._closed = True
@@ -120,7 +120,7 @@ class Subscription(Generic[MessageT]):
         if threading.current_thread() is not self._thread:
             self._thread.join(_JOIN_SECONDS if free else 0.0)
         if free:
-            # The thread may have had one more in its hands.
+            # The thread may have taken one more message.
             items = self._read_all([*waiting, *self._rest])
             items.sort(key=lambda item: item.position)
             self._deliver(items)
@@ -144,7 +144,7 @@ class Subscription(Generic[MessageT]):
                 self._deliver(self._read_all([sample, *more]))
 
     def _deliver(self, items: Sequence[Received[MessageT]], *, replayed: bool = False) -> None:
-        """Hand on what may be handed on now that these are here."""
+        """Deliver the messages that these make deliverable."""
         with self._delivering:
             for item in items if self._repair is None else self._repair.take(items, replayed=replayed):
                 self._call(item)
@@ -162,7 +162,7 @@ class Subscription(Generic[MessageT]):
         self.received += 1
         try:
             self._callback(item)
-        except Exception:  # noqa: BLE001 - what the owner's callback raises must not keep the others from it
+        except Exception:  # noqa: BLE001 - an exception of one callback must not keep later messages from it
             self._log.exception("A callback failed.", seq=item.seq)
 
     def _read_all(self, samples: Iterable[zenoh.Sample]) -> list[Received[MessageT]]:
@@ -180,7 +180,7 @@ class Subscription(Generic[MessageT]):
     def _report(self, fault: FaultError) -> None:
         try:
             self._on_problem(fault)
-        except Exception:  # noqa: BLE001 - nor may what it raises here
+        except Exception:  # noqa: BLE001 - the same applies to this callback
             self._log.exception("A callback failed.")
 
     @staticmethod

@@ -1,4 +1,4 @@
-"""Channels as a configuration describes them: sensors with their levels, calculated channels."""
+"""Channels as described in a configuration: sensors with their levels, calculated channels."""
 
 from duralab_gateway.channels.calculated import CalculatedChannel, weighted_sum
 from duralab_gateway.channels.sensors import SensorSettings, check_sensor

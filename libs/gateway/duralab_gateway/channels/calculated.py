@@ -18,7 +18,7 @@ _WEIGHT: Final = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?:\
 
 
 class Kind(StrEnum):
-    """Kind of a channel, as a configuration writes it."""
+    """Kind of a channel, as written in a configuration."""
 
     DISPLACEMENT = "displacement"
     FORCE = "force"
@@ -37,7 +37,7 @@ Name = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$", max_length=120)]
 
 
 class CalculatedChannel(Section):
-    """A channel that is calculated from measured ones, sample by sample.
+    """Channel that is calculated from measured ones, sample by sample.
 
     Raises
     ------
@@ -79,11 +79,11 @@ class CalculatedChannel(Section):
 
     @property
     def kind_number(self) -> array_pb2.ChannelKind:
-        """Its kind in the contract."""
+        """Number of its kind in the contract."""
         return getattr(array_pb2, f"CHANNEL_KIND_{self.kind.name}")
 
     def _weights(self) -> dict[str, tuple[float, str]]:
-        """Return weight and its unit by channel."""
+        """Return the weight and its unit by channel."""
         if self.sum is not None:
             return dict.fromkeys(self.sum, (1.0, "1"))
         if self.difference is not None:
@@ -97,7 +97,7 @@ class CalculatedChannel(Section):
         return weights
 
     def factors(self, units: Mapping[str, str]) -> dict[str, float]:
-        """Return what each measured channel is multiplied by, in its unit, for a sum in the calculated one's.
+        """Return the factor of each measured channel, from its unit to that of the calculated channel.
 
         Parameters
         ----------
@@ -107,7 +107,7 @@ class CalculatedChannel(Section):
         Returns
         -------
         dict of str to float
-            Only of the channels that it is made of.
+            Factors of the channels in the calculation only.
 
         Raises
         ------
@@ -138,22 +138,22 @@ class CalculatedChannel(Section):
         return factors
 
     def describe(self, channels: Mapping[str, array_pb2.Channel]) -> array_pb2.Channel:
-        """Return its description among measured channels, by name; its range follows from theirs.
+        """Return its description among measured channels; its range follows from theirs.
 
         Parameters
         ----------
         channels : mapping of str to array_pb2.Channel
-            The measured channels, by name.
+            Measured channels by name.
 
         Returns
         -------
         array_pb2.Channel
-            With its terms and levels.
+            Description with its terms and levels.
 
         Raises
         ------
         SettingsError
-            As `factors`.
+            As for `factors`.
         """
         factors = self.factors({name: channel.unit for name, channel in channels.items()})
         ends = [(factor * channels[name].minimum, factor * channels[name].maximum) for name, factor in factors.items()]
@@ -174,21 +174,21 @@ class CalculatedChannel(Section):
 
 
 def weighted_sum(factors: Mapping[int, float], samples: np.ndarray) -> np.ndarray:
-    """Return one row: the sum of weighted rows, with the same bytes however the record is cut into blocks.
+    """Return one row: the sum of weighted rows, with the same bytes for any division of the record into blocks.
 
     Parameters
     ----------
     factors : mapping of int to float
-        By row.
+        Factor of each row, by row.
     samples : np.ndarray, shape (channels, ...)
         Measured channels, each in its unit.
 
     Returns
     -------
     np.ndarray
-        Shape of one row, in the unit of the calculated channel.
+        Weighted sum, of the shape of one row, in the unit of the calculated channel.
     """
-    # Not a matrix product: its sums have another order for another length.
+    # Not a matrix product: the order of its sums depends on the length.
     total = np.zeros(samples.shape[1:], dtype=samples.dtype)
     for row, factor in factors.items():
         total = total + factor * samples[row]

@@ -1,4 +1,4 @@
-"""The sensor of a response: what a configuration says of it, and what of it cannot be."""
+"""Sensor of a response: its configuration and the check of its values."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from duralab_proto.v1 import array_pb2
 from duralab_settings import Positive, Section, UnitError, base_unit
 
 _OUTPUTS: Final = ("V", "C", "A", "ohm", "Hz", "1")
-"""What sensors put out: voltage, charge, current, resistance, frequency, or a ratio such as mV/V or counts."""
+"""Units of sensor outputs: voltage, charge, current, resistance, frequency, or a ratio such as mV/V or counts."""
 
 
 class Polarity(StrEnum):
@@ -24,7 +24,7 @@ class Polarity(StrEnum):
 
 
 class SensorSettings(Section):
-    """The sensor of a response; what is not stated is left out."""
+    """Sensor of a response; values that are not stated are left out."""
 
     serial_number: str = Field(default="", max_length=100, description="As on the calibration certificate.")
     sensitivity: Positive | None = Field(default=None, description="Output over what is measured.")
@@ -67,16 +67,16 @@ def check_sensor(channel: array_pb2.Channel, *, drives: tuple[str, ...], today: 
     Parameters
     ----------
     channel : array_pb2.Channel
-        The response with its sensor, if any; a range of zeros is not stated.
+        Response with its sensor, if any; a range of zeros counts as not stated.
     drives : tuple of str
         Names of the rig's drives.
     today : date
-        No calibration is later.
+        Present day; no calibration may be later.
 
     Raises
     ------
     ValueError
-        A date, the range, a level, the sensitivity or the drive cannot be; one sentence.
+        If a date, the range, a level, the sensitivity or the drive is not possible; one sentence.
     """
     if not channel.HasField("sensor"):
         return

@@ -1,4 +1,4 @@
-"""Sensors and calculated channels of one rig, and how they complete its description."""
+"""Sensors and calculated channels of one rig, and the completion of its description with them."""
 
 from __future__ import annotations
 
@@ -24,24 +24,24 @@ class ChannelTable(Section):
     )
 
     def complete(self, given: rig_pb2.RigDescription, *, today: date) -> rig_pb2.RigDescription:
-        """Return a complete description with sensors and calculated responses; its content hash is another one.
+        """Return a complete description with sensors and calculated responses, with a new content hash.
 
         Parameters
         ----------
         given : rig_pb2.RigDescription
-            With static response and content hash; not changed.
+            Description with static response and content hash; not changed.
         today : date
-            No calibration is later.
+            Present day; no calibration may be later.
 
         Returns
         -------
         rig_pb2.RigDescription
-            Calculated responses follow the measured ones.
+            Completed description; calculated responses follow the measured ones.
 
         Raises
         ------
         ValueError
-            A channel does not exist or exists twice, a unit does not convert, or a sensor cannot be; one sentence.
+            A channel is missing or exists twice, a unit does not convert, or a sensor is not possible; one sentence.
         """
         description = rig_pb2.RigDescription()
         description.CopyFrom(given)
@@ -77,12 +77,12 @@ class ChannelTable(Section):
         Parameters
         ----------
         description : rig_pb2.RigDescription
-            From `complete`.
+            Description from `complete`.
 
         Returns
         -------
         list of dict
-            In the order of the calculated responses.
+            Factors in the order of the calculated responses.
         """
         row = {channel.name: index for index, channel in enumerate(description.responses)}
         calculated: list[array_pb2.Channel] = list(description.responses)[len(row) - len(self.calculated) :]

@@ -1,4 +1,4 @@
-"""The playback of a rig that follows commands: what a controller does with a piece of a drive."""
+"""Playback of a rig that follows commands: a controller plays a piece of a drive."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from duralab_gateway.motion.watchdogs import when
 
 
 class FollowedDrive(DrivePlayback):
-    """A playback whose blocks are commands to a controller, and its measurements.
+    """Playback whose blocks are commands to a controller and its measurements.
 
-    `follow` plays commands (drives, samples) and returns the measured (responses, samples), fewer only where `stopped`
-    says that the run is to end; it gets `block_samples` at a time, fewer at the end.
+    `follow` plays commands (drives, samples) and returns the measured (responses, samples), fewer only if `stopped`
+    returns that the run must end; it gets `block_samples` at a time, fewer at the end.
     """
 
     def __init__(
@@ -45,14 +45,14 @@ class FollowedDrive(DrivePlayback):
         self._frames = frames
 
     def cut(self, seconds: float) -> None:
-        """Do nothing: how long a piece has to be is the controller's matter."""
+        """Do nothing: the controller decides the length of a piece."""
 
     def frames(self) -> np.ndarray | None:
-        """Return where the bodies are now."""
+        """Return the present positions of the bodies."""
         return self._frames()
 
     def uses(self) -> list[Use]:
-        """Return the peak of every drive: what its actuator did is not known here."""
+        """Return the peak of every drive: the use of its actuator is unknown here."""
         return [Use(name, ratio, 0.0, 0.0) for name, ratio in zip(self._names, self.peak_ratios(), strict=True)]
 
     def _advance(self, commands: np.ndarray, first: int, *, counted: bool) -> Block:

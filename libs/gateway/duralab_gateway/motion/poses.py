@@ -1,4 +1,4 @@
-"""Rotation matrices as the quaternions of the pose stream."""
+"""Conversion of rotation matrices to the quaternions of the pose stream."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def to_poses(frames: np.ndarray) -> np.ndarray:
-    """Turn frames (…, 12), rotation row by row, then origin in m, into poses (…, 7) for many instants at once.
+    """Convert frames (…, 12), rotation row by row, then origin in m, to poses (…, 7) for many instants at once.
 
     A pose is x, y, z in m, then the unit quaternion w, x, y, z with w >= 0, body to world. The largest of the four
     elements is computed from the diagonal, the others from it (Shepperd 1978): no division by a small number.

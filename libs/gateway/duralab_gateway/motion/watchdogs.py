@@ -1,6 +1,6 @@
-"""Watchdogs of a playback: limits on what is measured and achieved; the first violation of a block, or none.
+"""Watchdogs of a playback: limits on measured and achieved values; the first violation of a block, or none.
 
-They see what the sensors say, block by block: a rig ramps down at the end of the block in which one tripped.
+They check the sensor signals block by block: a rig ramps down at the end of the block in which one tripped.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Level(StrEnum):
 
 @dataclass(frozen=True)
 class Watchdog:
-    """One limit: which row of its source, and where its values have to stay, in a unit; empty for a monitored value."""
+    """One limit: the row of its source, and the allowed range of its values, in a unit; empty for a monitored value."""
 
     source: Source
     name: str
@@ -45,7 +45,7 @@ class Watchdog:
 
 @dataclass(frozen=True)
 class Trip:
-    """Cause of a trip: the first value that was outside, the limit it passed, and when, in s of the run."""
+    """Cause of a trip: the first value outside, the limit that it passed, and the time in s of the run."""
 
     watchdog: Watchdog
     value: float
@@ -54,7 +54,7 @@ class Trip:
 
     @property
     def sentence(self) -> str:
-        """Say it, without the stop at the end."""
+        """Sentence of the trip, without the full stop."""
         dog = self.watchdog
         unit = f" {dog.unit}" if dog.unit else ""
         return (
@@ -96,7 +96,7 @@ class WatchdogMonitor:
 
 
 class _Side:
-    """The watchdogs of one source, at least one, side by side."""
+    """Watchdogs of one source, at least one, as arrays."""
 
     def __init__(self, dogs: Sequence[Watchdog]) -> None:
         self._dogs = dogs
@@ -105,7 +105,7 @@ class _Side:
         self._maximum = np.array([[dog.maximum] for dog in dogs])
 
     def first_outside(self, block: np.ndarray) -> tuple[Watchdog, float, int] | None:
-        """Return the first value outside, whose it is and its sample in the block."""
+        """Return the watchdog and value of the first violation, and its sample in the block."""
         rows = block[self._rows]
         # Written so that a value that is not a number is outside.
         inside = (rows >= self._minimum) & (rows <= self._maximum)

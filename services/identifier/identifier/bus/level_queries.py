@@ -1,4 +1,4 @@
-"""The same experiment at several levels: which, in which order, under which names."""
+"""Series of one experiment at several levels: the levels, their order and their run names."""
 
 import numpy as np
 
@@ -7,15 +7,15 @@ from duralab_proto.v1 import identifier_pb2
 from duralab_settings import SettingsError
 
 FEWEST_LEVELS, MOST_LEVELS = 2, 8
-"""Levels of one series."""
+"""Smallest and largest number of levels in a series."""
 
 
 def level_series(request: identifier_pb2.LevelsRequest) -> tuple[identifier_pb2.IdentifyRequest, ...]:
     """Split a series into its experiments, from the lowest level to the highest.
 
-    `request`: As received; nothing in it is trusted.
-    Returns: One for each level, with the seeds of the first and runs of their own: <run>.l1, <run>.l2, ...
-    Raises `SettingsError`: Where the factors are not allowed or the experiment has no levels.
+    `request`: As received, untrusted.
+    Returns: One for each level, with the seeds of the first and separate runs: <run>.l1, <run>.l2, ...
+    Raises `SettingsError`: The factors are not allowed or the experiment has no levels.
     """
     try:
         factors = from_array(request.factors, field="factors", shape=(None,), dtype=np.float64)

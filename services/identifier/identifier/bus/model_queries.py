@@ -24,18 +24,18 @@ from identifier.uncertainty import (
 )
 
 LARGEST_CONVERGENCE_LINES: Final = 4096
-"""More lines of the control band than this would keep a processor busy for minutes."""
+"""Largest number of lines in the control band: more would keep a processor busy for minutes."""
 
 _EXPONENT: Final = 5.0
 _COLUMN: Final = DAMAGE_EXPONENTS.index(_EXPONENT)
 
 
 def predict(model: IdentifiedModel, request: identifier_pb2.PredictRequest) -> identifier_pb2.Prediction:
-    """Answer what a model expects of a drive.
+    """Answer with the response to a drive that a model predicts.
 
-    `model`: Of the rig. `request`: As received; nothing in it is trusted.
-    Returns: As a message.
-    Raises `SettingsError`: Where the drive does not fit the model.
+    `model`: Model of the rig. `request`: As received, untrusted.
+    Returns: Prediction as a message.
+    Raises `SettingsError`: The drive does not fit the model.
     """
     drive = _record(request.drive, model.drives, model.sample_rate, field="drive")
     with np.errstate(over="ignore", invalid="ignore"):
@@ -64,20 +64,20 @@ def predict(model: IdentifiedModel, request: identifier_pb2.PredictRequest) -> i
 def converge(
     model: IdentifiedModel, request: identifier_pb2.ConvergenceRequest, *, rig: IdentifiedModel | None
 ) -> identifier_pb2.Convergence:
-    """Answer how Time Waveform Replication with a model converges.
+    """Answer with the convergence of Time Waveform Replication with a model.
 
-    `model`: Whose inverse makes the drives. `request`: As received; nothing in it is trusted. `rig`: The model that
-    stands for the rig; None for `model` itself.
-    Returns: As a message.
-    Raises `SettingsError`: Where gains or band are not allowed, one of the models is not valid in the whole band, or
-    the two do not belong together.
+    `model`: Model whose inverse makes the drives. `request`: As received, untrusted. `rig`: Model that replaces the
+    rig; None for `model` itself.
+    Returns: Convergence as a message.
+    Raises `SettingsError`: Gains or band are not allowed, one of the models is not valid in the whole band, or the two
+    do not match.
     """
     gain = _array(request.iteration_gain, field="iteration_gain", shape=(len(model.responses),))
     if rig is not None:
         _check_pair(model, rig, field="rig_model_id")
     lines = _band(model, request.lowest_frequency, request.highest_frequency).lines
     if rig is not None:
-        # Outside its own band a model is 0, and a rig that does not answer would seem never to converge.
+        # Outside its own band a model is 0, and a rig without response would seem never to converge.
         _band(rig, request.lowest_frequency, request.highest_frequency, whose=f"that of rig model {rig.id[:12]}")
     if int(lines.sum()) > LARGEST_CONVERGENCE_LINES:
         raise SettingsError(
@@ -108,11 +108,11 @@ def converge(
 
 
 def drive_room(model: IdentifiedModel) -> NDArray[np.float64]:
-    """Return how far each drive may go to both sides of 0.
+    """Return the largest amplitude of each drive to both sides of 0.
 
-    `model`: Of the rig.
+    `model`: Model of the rig.
     Returns: Shape (drives), each in its drive's unit, greater than 0.
-    Raises `ValueError`: Where the limits of a drive leave no room on one side.
+    Raises `ValueError`: The limits of a drive leave no room on one side.
     """
     room = np.array([min(-channel.minimum, channel.maximum) for channel in model.drives])
     for channel, free in zip(model.drives, room, strict=True):
@@ -127,12 +127,12 @@ def drive_room(model: IdentifiedModel) -> NDArray[np.float64]:
 def advise(
     model: IdentifiedModel, request: identifier_pb2.AdviceRequest, *, room: NDArray[np.float64]
 ) -> identifier_pb2.LevelAdvice:
-    """Answer which drive levels give responses like a target's.
+    """Answer with the drive levels whose responses are like a target's.
 
-    `model`: Of the rig. `request`: As received; nothing in it is trusted. `room`: Shape (drives), greater than 0: see
+    `model`: Model of the rig. `request`: As received, untrusted. `room`: Shape (drives), greater than 0: see
     `drive_room`.
-    Returns: As a message.
-    Raises `SettingsError`: Where target, band or crest factor do not fit.
+    Returns: Advice as a message.
+    Raises `SettingsError`: Target, band or crest factor do not fit.
     """
     target = _record(request.target, model.responses, model.sample_rate, field="target")
     band = _band(model, request.lowest_frequency, request.highest_frequency)
@@ -213,7 +213,7 @@ def difference(first: IdentifiedModel, second: IdentifiedModel) -> identifier_pb
     """Compare two models of one rig from the same lines.
 
     `first`, `second`: Models of the same channels and lines.
-    Returns: As a message.
+    Returns: Difference as a message.
     """
     _check_pair(first, second, field="")
     found = model_difference(

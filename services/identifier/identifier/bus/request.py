@@ -1,4 +1,4 @@
-"""From an IdentifyRequest to settings."""
+"""Conversion of an IdentifyRequest to settings."""
 
 import numpy as np
 
@@ -15,9 +15,9 @@ from identifier.experiment import IdentificationSettings
 def settings_of(request: identifier_pb2.IdentifyRequest) -> IdentificationSettings:
     """Read and check a request.
 
-    `request`: As received; nothing in it is trusted.
-    Returns: Sound by themselves, not yet checked against the rig.
-    Raises `SettingsError`: Where a name or value is not allowed.
+    `request`: As received, untrusted.
+    Returns: Settings that are valid alone, not yet checked against the rig.
+    Raises `SettingsError`: A name or value is not allowed.
     """
     for field, check, name in (("rig", check_rig, request.rig), ("run", check_run, request.run)):
         try:

@@ -1,4 +1,4 @@
-"""The rig on the bus: what it is, and playing an experiment on it."""
+"""Rig on the bus: its description, and the playback of an experiment on it."""
 
 import threading
 
@@ -12,11 +12,11 @@ from identifier.experiment import RigUnderTest
 
 
 def describe_rig(bus: Bus, rig: str) -> RigUnderTest:
-    """Ask a rig what it is.
+    """Query the description of a rig.
 
-    `bus`: Open. `rig`: Its name.
-    Returns: As it described itself.
-    Raises `FaultError`: Where it is not there, or describes itself in a way that cannot be worked with.
+    `bus`: Open bus. `rig`: Name of the rig.
+    Returns: Description by the rig.
+    Raises `FaultError`: The rig is missing, or its description cannot be used.
     """
     description = bus.query(bus.keys.rig_description(rig), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
     try:
@@ -34,13 +34,13 @@ def play_experiment(
     call: Call,
     progress: tuple[float, float],
 ) -> tuple[rig_pb2.PlayResult, NDArray[np.float64]]:
-    """Play the drive of an experiment and wait for the response; break off when nobody waits for it any more.
+    """Play the drive of an experiment and wait for the response; stop it when the client stops waiting.
 
-    `bus`: Open. `request`: Names the run and the rig's seed. `rig`: What it is played on. `drive`: Shape (drives,
-    samples), each row in its channel's unit. `call`: Takes the rig's progress. `progress`: Share of the whole query
-    before and after the playback, 0 to 1.
+    `bus`: Open bus. `request`: Names the run and the rig's seed. `rig`: The rig. `drive`: Shape (drives, samples), each
+    row in its channel's unit. `call`: Receives the rig's progress. `progress`: Share of the whole query before and
+    after the playback, 0 to 1.
     Returns: The rig's answer. Shape (responses, samples), each row in its channel's unit.
-    Raises `FaultError`: Where the rig does not play, answers something else, or the client gave up.
+    Raises `FaultError`: The rig does not play, its answer does not match, or the client stopped waiting.
     """
     given_up = threading.Event()
     if call.cancelled:
@@ -50,7 +50,7 @@ def play_experiment(
     begin, end = progress
 
     def pass_on(message: query_pb2.Progress) -> None:
-        # The rig keeps sending progress, so this also notices a client that is gone, within a second.
+        # The rig sends progress continuously, so a client that stopped waiting is noticed within a second.
         if call.cancelled:
             given_up.set()
         share = message.fraction if 0.0 <= message.fraction <= 1.0 else 0.0
@@ -73,7 +73,7 @@ def play_experiment(
 
 
 def _response_of(played: rig_pb2.PlayResult, rig: RigUnderTest, samples: int) -> NDArray[np.float64]:
-    """Check that a playback answered what was asked."""
+    """Check that the answer of a playback matches the request, and return its response."""
     try:
         channels, sample_rate, response = from_record(played.response, field="response")
     except ArrayError as error:

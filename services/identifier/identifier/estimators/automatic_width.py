@@ -1,9 +1,9 @@
-"""Automatic width of a local method: at each line the neighbourhood with the least expected error.
+"""Automatic width of a local method: at each line the neighbourhood with the smallest expected error.
 
-Several widths are fitted to one record. Each is compared with a reference that hardly bends the FRF: H1 of captures
-that do not leak, the narrowest neighbourhood under a window. Their difference holds the bias of the wider fit and the
-random error of the reference that the wider fit does not have; what each random error is, the residual tells. This is
-Mallows' criterion, which for many captures is what leaving out one capture after the other gives, and which needs no
+Several widths are fitted to one record. Each is compared with a reference with little bias: H1 of captures without
+leakage, the narrowest neighbourhood under a window. Their difference holds the bias of the wider fit and the random
+error of the reference that the wider fit does not have; each random error is known from the residual. This is
+Mallows' criterion, which for many captures equals leaving out one capture after the other, and which needs no
 captures to spare.
 """
 
@@ -23,24 +23,24 @@ from identifier.estimators.smoothing_check import AMPLE_SURPLUS, SMALLEST_SURPLU
 from identifier.layout import Layout, Window
 
 WIDTH_RATIO = 1.5
-"""Of each width over the one before it."""
+"""Ratio of each width to the one before it."""
 
 WIDEST_OF_BLOCKS, WIDEST_OF_NOISE = 27, 72
-"""Lines to either side: of a capture or a burst, and of a segment of 16 blocks of noise, about 4 lines of a block."""
+"""Lines to either side for a capture or a burst, and for a segment of 16 blocks of noise, about 4 lines of a block."""
 
 _NEIGHBOURS = 4
 """Lines to either side over which expected errors are averaged: at a single line they are mostly chance."""
 
 _QUIET = 32
-"""Lines to either side, among which some are free of resonances."""
+"""Lines to either side that include some without resonances."""
 
 
 @dataclass(frozen=True)
 class Widths:
     """Regressions of one local method over several widths.
 
-    `candidates`: One where the width is given; rising where it is chosen. `narrower`: Regression that bends the FRF
-    less than any candidate; None where H1 is the better reference, or the record allows no narrower one.
+    `candidates`: One if the width is given; in rising order if it is chosen. `narrower`: Regression with less bias than
+    any candidate; None if H1 is the better reference, or the record allows no narrower one.
     """
 
     candidates: tuple[LocalSums, ...]
@@ -48,7 +48,7 @@ class Widths:
 
     @property
     def regressions(self) -> tuple[LocalSums, ...]:
-        """Return all of them, each to be fed with the record."""
+        """Return all regressions, each of which needs the record."""
         return self.candidates if self.narrower is None else (*self.candidates, self.narrower)
 
 
@@ -64,7 +64,7 @@ def given_width(layout: Layout, *, drives: int, responses: int, model: LocalMode
 
 
 def widths_to_try(layout: Layout, *, drives: int, responses: int, model: LocalModel) -> Widths:
-    """Return regressions from the narrowest width that determines the unknowns up, whatever the width of `model`."""
+    """Return regressions from the narrowest width that determines the unknowns upwards, for any width of `model`."""
     probe = LocalSums(layout, drives=drives, responses=responses, model=replace(model, half_width=1))
     noise = layout.window is Window.HANN
     least = probe.fewest_half_width(SMALLEST_SURPLUS)
@@ -92,7 +92,7 @@ def _determined(layout: Layout, *, drives: int, responses: int, model: LocalMode
 
 
 def solve_widths(widths: Widths, spectra: AveragedSpectra) -> tuple[LocalSolution, NDArray[np.int64]]:
-    """Return the solution with the least expected error at each line, and its half width: 0 where it is H1."""
+    """Return the solution with the smallest expected error at each line, and its half width: 0 for H1."""
     lines = np.flatnonzero(spectra.lines)
     s_uu, auto_y = spectra.s_uu[lines], spectra.auto_y[lines]
     solutions, half_widths = _solved(widths.candidates)
@@ -103,13 +103,13 @@ def solve_widths(widths: Widths, spectra: AveragedSpectra) -> tuple[LocalSolutio
         solutions, half_widths = [reference, *solutions], [0, *half_widths]
     residual = reference.residual_psd
     if widths.narrower is None and spectra.independent_averages <= s_uu.shape[1]:
-        # What was estimated from neighbours holds the bends of resonances, too: only the least near a line is noise.
+        # A residual from neighbours includes the curvature of resonances, too: only the smallest near a line is noise.
         residual = minimum_filter1d(_averaged_over_neighbours(residual), 2 * _QUIET + 1, axis=0, mode="nearest")
     spread = _random_error(reference, residual, s_uu)
     near = np.maximum(_averaged_over_neighbours(auto_y), np.finfo(np.float64).tiny)
     expected = []
     for solution in solutions:
-        # A fit over more lines shares its own random error with the reference: their difference lacks it twice.
+        # The reference contains the random error of a wider fit, too: their difference lacks it twice.
         error = predicted_power(solution.frf - reference.frf, s_uu) - spread
         error += 2.0 * _random_error(solution, residual, s_uu)
         expected.append(np.sum(_averaged_over_neighbours(error) / near, axis=1))
@@ -118,7 +118,7 @@ def solve_widths(widths: Widths, spectra: AveragedSpectra) -> tuple[LocalSolutio
 
 
 def _solved(candidates: tuple[LocalSums, ...]) -> tuple[list[LocalSolution], list[int]]:
-    """Solve those that can be: within few lines the start of a sweep cannot be distinguished from a transient."""
+    """Solve the solvable ones: within few lines the start of a sweep cannot be distinguished from a transient."""
     solutions, widths = [], []
     for sums in candidates:
         try:
@@ -134,7 +134,7 @@ def _solved(candidates: tuple[LocalSums, ...]) -> tuple[list[LocalSolution], lis
 def _h1_solution(
     spectra: AveragedSpectra, lines: NDArray[np.intp], *, narrowest: LocalSolution, half_width: int
 ) -> LocalSolution:
-    """H1 of captures that do not leak, as a solution like those of the local methods."""
+    """Return H1 of captures without leakage as a solution like those of the local methods."""
     s_uu, s_yu, auto_y = spectra.s_uu[lines], spectra.s_yu[lines], spectra.auto_y[lines]
     scale, scaled = unit_diagonal(s_uu, spectra.frequency[lines])
     frf = h1(s_yu, scaled, scale)
@@ -145,7 +145,7 @@ def _h1_solution(
         residual = np.maximum(auto_y - explained, 0.0) * (averages / freedom)
         degrees = np.full(lines.size, freedom)
     else:
-        # As many captures as drives leave nothing: what few lines do not explain, or what changes from line to line.
+        # With as many captures as drives no residual is left: use that of few lines, or the change from line to line.
         residual = np.minimum(narrowest.residual_psd, jaggedness(frf, s_uu, half_width) * (averages / drives))
         degrees = narrowest.degrees_of_freedom
     weight = np.einsum("fjj->fj", np.linalg.inv(scaled)).real / scale**2 / averages
@@ -161,16 +161,16 @@ def _h1_solution(
 def _random_error(
     solution: LocalSolution, residual_psd: NDArray[np.float64], s_uu: NDArray[np.complex128]
 ) -> NDArray[np.float64]:
-    """Power that the random error of a solution makes of the drives, shape (lines, responses).
+    """Return the response power of a solution's random error with the drives, shape (lines, responses).
 
-    The residual is the reference's: that of a wider neighbourhood holds its bias.
+    The residual is the reference's, because that of a wider neighbourhood includes its bias.
     """
     share = np.sum(np.einsum("fjj->fj", s_uu).real * solution.drive_weight, axis=1)
     return share[:, None] * residual_psd
 
 
 def _averaged_over_neighbours(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean over lines near each one, shape (lines, ...); fewer at the edges."""
+    """Return the mean over lines near each one, shape (lines, ...); fewer at the edges."""
     last = values.shape[0]
     sums = np.concatenate([np.zeros((1, *values.shape[1:])), np.cumsum(values, axis=0)])
     low = np.maximum(np.arange(last) - _NEIGHBOURS, 0)

@@ -1,4 +1,4 @@
-"""Averaged spectra of drives and responses over what a layout says is used, piece by piece in bounded memory."""
+"""Averaged spectra of drives and responses over the used parts of a layout, piece by piece in bounded memory."""
 
 from dataclasses import dataclass
 
@@ -12,13 +12,13 @@ from identifier.layout import Capture, Layout, Window
 
 @dataclass(frozen=True)
 class AveragedSpectra:
-    """Averaged one-sided densities; what the spectral estimators start from.
+    """Averaged one-sided densities for the spectral estimators.
 
     `frequency`: Shape (lines), in hertz. `s_uu`: Complex, shape (lines, drives, drives). `s_yu`: Complex, shape (lines,
     responses, drives). `auto_y`: Shape (lines, responses): the diagonal of ``S_yy``. `blocks`: Blocks averaged.
-    `independent_averages`: Equivalent independent averages: Welch's formula under a window; captures where the drive is
+    `independent_averages`: Equivalent independent averages: Welch's formula under a window; captures if the drive is
     periodic. `lines`: Shape (lines): the excited lines. `s_yy`: Complex, shape (lines, responses, responses); None
-    where it was not asked for.
+    if not requested.
     """
 
     frequency: NDArray[np.float64]
@@ -34,18 +34,18 @@ class AveragedSpectra:
 class SpectralSums:
     """Running averages over the captures of a layout.
 
-    Under a Hann window blocks overlap and each channel's mean over all captures comes off: under excitation the mean
-    moves away from the value at rest, and a transducer's zero drifts. Without a window the mean stays at line 0. The
-    periods of a capture are averaged before they are transformed, where the drive is periodic.
+    Under a Hann window blocks overlap and each channel's mean over all captures is subtracted: under excitation the
+    mean moves away from the value at rest, and a transducer's zero drifts. Without a window the mean stays at line 0.
+    The periods of a capture are averaged before the transform if the drive is periodic.
 
     Parameters
     ----------
     layout
-        Of the experiment.
+        Layout of the experiment.
     drives, responses
-        Channels, 1 or more.
+        Number of channels, 1 or more.
     full
-        Whether all of ``S_yy`` is averaged: H2 needs it, and it takes half as long again.
+        Whether all of ``S_yy`` is averaged, which H2 needs and which takes 1.5 times as long.
     """
 
     def __init__(self, layout: Layout, *, drives: int, responses: int, full: bool = False) -> None:
@@ -73,14 +73,14 @@ class SpectralSums:
         Parameters
         ----------
         drive
-            Shape (drives, samples), as `duralab_spectra.as_record` returns it: finite, which is not checked again.
+            Shape (drives, samples), as returned by `duralab_spectra.as_record`: finite, which is not checked again.
         response
-            Shape (responses, samples), likewise, sampled at the same instants.
+            Shape (responses, samples), as for the drive, sampled at the same instants.
 
         Raises
         ------
         ValueError
-            Where the record is longer than its layout or has other channels.
+            The record is longer than its layout or has other channels.
         """
         for capture, piece, ends in self._used.next_pieces(drive.shape[1]):
             if self._layout.window is Window.HANN:
@@ -96,12 +96,12 @@ class SpectralSums:
         Returns
         -------
         AveragedSpectra
-            Owns its arrays.
+            Averages with their own arrays.
 
         Raises
         ------
         ValueError
-            Where not one block is complete.
+            No block is complete.
         """
         n_y, layout = self._responses, self._layout
         if layout.window is Window.HANN:
@@ -119,7 +119,7 @@ class SpectralSums:
         if self._blocks == 0:
             raise ValueError(f"The record ends before its first block of {layout.block_samples} samples is complete.")
         scale = np.full(self._products.shape[0], 2.0 / (layout.sample_rate * layout.block_samples * self._blocks))
-        scale[[0, -1]] *= 0.5  # the mean and the Nyquist line have no negative twin
+        scale[[0, -1]] *= 0.5  # the mean and the Nyquist line have no negative frequency
         density = self._products * scale[:, None, None]
         return AveragedSpectra(
             frequency=layout.frequency,
@@ -133,7 +133,7 @@ class SpectralSums:
         )
 
     def _add_periods(self, capture: Capture, samples: NDArray[np.float64]) -> None:
-        """Fold a piece onto the block; a block that is whole, or the mean of a capture's periods, is transformed."""
+        """Fold a piece onto the block; a complete block, or the mean of a capture's periods, is transformed."""
         block = self._layout.block_samples
         together = capture.periods if self._layout.periodic else 1
         start = 0
@@ -145,7 +145,7 @@ class SpectralSums:
             start += count
             if self._filled == together * block:
                 lines = np.fft.rfft(self._block / together, axis=1).T
-                # The mean of P periods has a P-th of the noise: it weighs as many blocks.
+                # The mean of P periods has a P-th of the noise, so its weight is P blocks.
                 self._products += together * lines[:, :, None] * lines[:, None, :].conj()
                 self._blocks += together
                 self._averages += 1

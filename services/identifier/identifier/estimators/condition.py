@@ -1,16 +1,16 @@
-"""Are the drives independent of each other? The condition of ``S_uu``, which the coherence does not reveal."""
+"""Independence of the drives: the condition of ``S_uu``, which the coherence does not show."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 LARGEST_CONDITION = 1e3
-"""Condition number of the scaled S_uu above which drives count as correlated: two of coherence 0.996."""
+"""Condition number of the scaled S_uu above which drives count as correlated: two drives of coherence 0.996."""
 
 
 def unit_diagonal(
     s_uu: NDArray[np.complex128], frequency: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.complex128]]:
-    """Take the drives' units out of their cross-spectrum."""
+    """Return the scale of the drives and their cross-spectrum without units."""
     power = np.einsum("fjj->fj", s_uu).real
     silent = np.argwhere(power <= 0.0)
     if silent.size:
@@ -24,7 +24,7 @@ def unit_diagonal(
 
 
 def drive_condition(scaled: NDArray[np.complex128], frequency: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Condition number of the drives' cross-spectrum at each line; dependent drives are refused."""
+    """Return the condition number of the drives' cross-spectrum at each line; dependent drives are refused."""
     eigenvalues = np.linalg.eigvalsh(scaled)
     positive = eigenvalues[:, 0] > 0.0
     condition = np.divide(eigenvalues[:, -1], eigenvalues[:, 0], out=np.full(frequency.shape, np.inf), where=positive)

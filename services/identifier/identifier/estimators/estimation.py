@@ -1,4 +1,4 @@
-"""An FRF from a record and its layout: whole, or piece by piece in bounded memory."""
+"""Estimation of an FRF from a record and its layout: whole, or piece by piece in bounded memory."""
 
 from dataclasses import dataclass
 
@@ -30,16 +30,17 @@ from identifier.layout import Layout, Window
 
 @dataclass(frozen=True)
 class EstimatorOptions:
-    """Options of a local method; the spectral ones need nothing besides the layout.
+    """Options of a local method; the spectral ones need only the layout.
 
     Parameters
     ----------
     order
-        Of numerator, transient and denominator, 0 or more; None for 2.
+        Order of numerator, transient and denominator, 0 or more; None for 2.
     half_width
-        Lines of a segment to either side; None: at each line those with the least expected error, see `solve_widths`.
+        Lines of a segment to either side; None: the width with the smallest expected error at each line, see
+        `solve_widths`.
     segment_blocks
-        Blocks in a segment of noise, 1 or more.
+        Number of blocks in a segment of noise, 1 or more.
 
     Raises
     ------
@@ -57,18 +58,18 @@ class EstimatorOptions:
 
 
 class Estimation:
-    """An estimate in the making: fed with the whole record in order, in pieces of any size.
+    """An estimate in progress: gets the whole record in order, in pieces of any size.
 
     Parameters
     ----------
     kind
-        The estimator.
+        Estimator.
     layout
-        Of the experiment.
+        Layout of the experiment.
     drives, responses
-        Channels, 1 or more.
+        Number of channels, 1 or more.
     options
-        Of the local methods.
+        Options of the local methods.
     taken_off
         Shapes (drives) and (responses): offsets removed from the channels before, used in messages; zero where
         not given.
@@ -76,7 +77,7 @@ class Estimation:
     Raises
     ------
     ValueError
-        Where the options do not suit the record.
+        The options do not suit the record.
     """
 
     def __init__(
@@ -128,15 +129,15 @@ class Estimation:
         Raises
         ------
         ValueError
-            Where the shapes do not agree, a value is not finite, or the record is longer than its layout; begin again
-            with the whole record then.
+            The shapes do not agree, a value is not finite, or the record is longer than its layout; start again with
+            the whole record then.
         """
         inputs, outputs = shaped_record(drive, name="drive"), shaped_record(response, name="response")
         _require_same_length(inputs, outputs)
         try:
             self._check(inputs, outputs)
         except NotFiniteError:
-            # They say which value.
+            # These checks report the value.
             as_record(inputs, name="drive")
             as_record(outputs, name="response")
             raise
@@ -146,7 +147,7 @@ class Estimation:
         self._periodicity.add(outputs)
 
     def _check(self, inputs: NDArray[np.float64], outputs: NDArray[np.float64]) -> None:
-        """Look at every value once: what is used through its extremes, the delay blocks and fades between by itself."""
+        """Check every value once: used samples through their extremes, the delay blocks and fades between directly."""
         seen, first = 0, self._used.position
         for _, piece, _ in self._used.next_pieces(inputs.shape[1]):
             _require_finite(inputs[:, seen : piece.start], outputs[:, seen : piece.start])
@@ -163,12 +164,12 @@ class Estimation:
         Returns
         -------
         FrfEstimate
-            With every warning about the record.
+            Estimate with every warning about the record.
 
         Raises
         ------
         ValueError
-            Where the record is not whole, a channel is dead, or it does not identify the rig.
+            The record is not complete, a channel is dead, or it does not identify the rig.
         """
         if self._used.position < self._layout.samples:
             raise ValueError(
@@ -195,7 +196,7 @@ class Estimation:
             solution, half_width = solve_local(sums), np.full(lines.size, sums.model.half_width)
         warnings += few_equations(widths.candidates[0])
         warnings += self._smoothing_warnings(widths, spectra, solution, half_width, warnings)
-        # As many averages as would give H1 the same variance, on the mean over the drives.
+        # Number of averages that would give H1 the same variance, averaged over the drives.
         of_h1 = np.einsum("fjj->fj", np.linalg.inv(scaled)).real
         averages = np.sum(of_h1, axis=1) / np.sum(solution.drive_weight * scale**2, axis=1)
         return FrfEstimate(
@@ -228,7 +229,7 @@ class Estimation:
         neighbourhood = Neighbourhood.of(sums)
         if self._layout.window is Window.NONE:
             if self._automatic:
-                # H1 stands wherever the local method is expected to err more.
+                # H1 is used at every line where the local method has the larger expected error.
                 return ()
             transients = np.zeros(sums.responses)
             for warning in warnings:
@@ -269,27 +270,27 @@ def estimate(
     Parameters
     ----------
     kind
-        The estimator.
+        Estimator.
     drive
         Shape (drives, samples), as played, fades and delay blocks included.
     response
         Shape (responses, samples), as measured.
     layout
-        Of the drive.
+        Layout of the drive.
     options
-        Of the local methods; their defaults where None.
+        Options of the local methods; their defaults if None.
     taken_off
         See `Estimation`.
 
     Returns
     -------
     FrfEstimate
-        At the excited lines, 0 elsewhere.
+        Estimate at the excited lines, 0 elsewhere.
 
     Raises
     ------
     ValueError
-        Where the record does not fit the layout, is not finite, has a dead channel, or does not identify the rig.
+        The record does not fit the layout, is not finite, has a dead channel, or does not identify the rig.
 
     Notes
     -----

@@ -15,7 +15,7 @@ class WarningCode(Enum):
     CLIPPED = "clipped"
     """A channel stays at its largest or smallest value."""
     STUCK = "stuck"
-    """A response keeps one value for long though drives move."""
+    """A response keeps one value for a long time though drives move."""
     TRANSIENT = "transient"
     """Capture blocks are not yet periodic."""
     FEW_AVERAGES = "few_averages"
@@ -28,23 +28,23 @@ class WarningCode(Enum):
 
 @dataclass(frozen=True)
 class ModelWarning:
-    """One suspicion, as text and in figures.
+    """One finding, as text and in figures.
 
     Parameters
     ----------
     code
-        What kind.
+        Kind of the warning.
     sentence
-        For a person: channel, size, what to do.
+        Sentence for a person: channel, size, remedy.
     channel
-        Row of the record, None where it concerns no single channel.
+        Row of the record; None if it does not concern a single channel.
     of_drive
         Whether `channel` counts drives; responses otherwise.
     size
-        Share between 0 and 1 (clipped, stuck: of the samples; transient, smoothed: of the channel's RMS), None where
-        there is none.
+        Share between 0 and 1 (clipped, stuck: of the samples; transient, smoothed: of the channel's RMS); None if there
+        is no share.
     band
-        Lowest and highest frequency concerned, in Hz; None where it concerns all.
+        Lowest and highest frequency concerned, in Hz; None if it concerns all.
     """
 
     code: WarningCode
@@ -59,7 +59,7 @@ class ModelWarning:
 class FrfEstimate:
     """An estimated FRF matrix with figures of its quality.
 
-    At lines that are not valid nothing is estimated: FRF, coherence, condition number, residual, degrees of freedom and
+    There is no estimate at lines that are not valid: FRF, coherence, condition number, residual, degrees of freedom and
     averages are 0 there. The covariance of row ``i`` is ``S_ee,i S_uu^-1 / averages`` at each valid line.
 
     Parameters
@@ -69,33 +69,33 @@ class FrfEstimate:
     frf
         Complex, shape (lines, responses, drives), with ``e^{+j omega t}``.
     coherence
-        Multiple coherence, shape (lines, responses), 0 to 1. Of averaged spectra it holds the share of the noise that
-        so few averages let the drives explain; of a local method it does not.
+        Multiple coherence, shape (lines, responses), 0 to 1. From averaged spectra it includes the share of the noise
+        that the drives explain because of few averages; from a local method it does not.
     condition_number
-        Of ``S_uu`` scaled to unit diagonal, shape (lines), 1 or more at valid lines.
+        Condition number of ``S_uu`` scaled to unit diagonal, shape (lines), 1 or more at valid lines.
     s_uu
         Complex, shape (lines, drives, drives), one-sided density.
     response_psd
         Shape (lines, responses), one-sided density.
     blocks
-        Blocks averaged (Eq. 10).
+        Number of averaged blocks (Eq. 10).
     independent_averages
-        Equivalent independent blocks (Welch's formula); of periodic drives, captures.
+        Equivalent independent blocks (Welch's formula); for periodic drives, captures.
     valid
-        Shape (lines): where it is estimated, the excited lines of the band.
+        Shape (lines): estimated lines, which are the excited lines of the band.
     residual_psd
-        Shape (lines, responses): ``S_ee``, what the drives do not explain, without the bias of the fit; 0 where no
-        degree of freedom is left to know it.
+        Shape (lines, responses): ``S_ee``, the part that the drives do not explain, without the bias of the fit; 0 if
+        no degree of freedom is left for it.
     degrees_of_freedom
-        Shape (lines): complex degrees of freedom of the residual, 0 where there are none.
+        Shape (lines): complex degrees of freedom of the residual, 0 if there are none.
     averages
-        Shape (lines): equivalent averages behind the FRF at each line, see the covariance above.
+        Shape (lines): equivalent averages of the FRF at each line, see the covariance above.
     kind
-        The estimator.
+        Estimator.
     half_width
-        Shape (lines): lines to either side that a local method fitted; 0 where it took H1. None of other estimators.
+        Shape (lines): lines to either side of a local fit; 0 where it used H1. None for other estimators.
     warnings
-        What is suspicious.
+        Warnings about the record.
     """
 
     frequency: NDArray[np.float64]
@@ -123,13 +123,13 @@ class FrfEstimate:
     def unexplained_psd(self) -> NDArray[np.float64]:
         """Residual spectrum of each response, not explained by the drives, shape (lines, responses).
 
-        Without the bias of the fit, by which it may pass `response_psd` by chance; 0 where no degree of freedom is
-        left. Of H1 it is `residual_psd`; that of H2 and Hv holds what these estimators add, too.
+        Without the bias of the fit, so it may exceed `response_psd` by chance; 0 if no degree of freedom is left. For
+        H1 it is `residual_psd`; for H2 and Hv it also includes what these estimators add.
         """
         unexplained = self.response_psd * (1.0 - self.coherence)
         held = self.degrees_of_freedom > 0.0
         if not self.kind.is_local:
-            # The drives explain their share of any noise. A local method's coherence is free of that already.
+            # The drives explain their share of any noise. A local method's coherence excludes that already.
             share = np.divide(self.averages, self.degrees_of_freedom, out=np.zeros_like(self.averages), where=held)
             unexplained *= share[:, None]
         return np.where((self.valid & held)[:, None], unexplained, 0.0)

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 def h1(
     s_yu: NDArray[np.complex128], scaled_s_uu: NDArray[np.complex128], scale: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """FRF matrix by H1, ``S_yu S_uu^-1``, with ``S_uu = D R D`` solved through ``R``: units of drives do not matter.
+    """Return the FRF matrix by H1, ``S_yu S_uu^-1``, with ``S_uu = D R D`` solved through ``R``: without drive units.
 
     Source: Cornelis et al., ISMA 2014, Eq. 1; Bendat & Piersol, *Random Data*, chapter 7.
     """

@@ -1,4 +1,4 @@
-"""H2: the FRF matrix that is right where the noise is on the drives."""
+"""H2: the FRF matrix that is unbiased for noise on the drives."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,7 +10,7 @@ LARGEST_CONDITION_OF_H2 = 1e6
 def h2(
     s_yy: NDArray[np.complex128], s_yu: NDArray[np.complex128], frequency: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """FRF matrix by H2, ``S_yy S_uy^-1``.
+    """Return the FRF matrix by H2, ``S_yy S_uy^-1``.
 
     ``S_uy = S_yu^H`` is not Hermitian, so it is solved as a general matrix.
     Source: Bendat & Piersol, *Random Data*, chapter 7; method named as in Cornelis et al., ISMA 2014.
@@ -27,7 +27,7 @@ def h2(
         raise ValueError(
             f"Drive {channel} moves no response at {frequency[line]:.4g} Hz, so S_uy is singular there; take H1."
         )
-    # H S_uy = S_yy, transposed; rows and columns brought to one size first, so that units do not matter.
+    # H S_uy = S_yy, transposed; rows and columns are scaled to one size first, so that units do not matter.
     s_uy = s_yu.conj().transpose(0, 2, 1) / (column[:, :, None] * amplitude[:, None, :])
     condition = np.linalg.cond(s_uy)
     worst = int(np.argmax(condition))

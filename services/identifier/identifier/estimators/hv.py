@@ -1,4 +1,4 @@
-"""Hv: total least squares, for noise on drives and responses alike."""
+"""Hv: total least squares, for noise on drives and responses."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +10,9 @@ def hv(
     scaled_s_uu: NDArray[np.complex128],
     scale: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    """FRF matrix by Hv: each response's row from the smallest eigenvector of the spectra of drives and that response.
+    """Return the FRF matrix by Hv: each response's row from the smallest eigenvector of its spectra with the drives.
 
-    Every channel is first divided by its own amplitude at the line, so noise is taken to be the same share of each
+    Every channel is first divided by its own amplitude at the line, so noise is assumed to be the same share of each
     channel's power and units do not matter. For one drive its magnitude is the geometric mean of H1 and H2.
 
     Source: Rocklin, Crowley, Vold, "A comparison of H1, H2, and Hv frequency response functions", IMAC 1985.
@@ -26,7 +26,7 @@ def hv(
     joint[:, :, :n_u, n_u] = cross.conj()
     joint[:, :, n_u, n_u] = 1.0
     vectors: NDArray[np.complex128] = np.linalg.eigh(joint)[1].astype(np.complex128, copy=False)
-    # w^H [u; y] is as small as can be: y = -(w_u^* / w_y^*) u.
+    # w^H [u; y] is smallest for y = -(w_u^* / w_y^*) u.
     smallest = vectors[..., 0].conj()
     of_response = smallest[..., n_u]
     if np.any(np.abs(of_response) < np.finfo(np.float64).eps):

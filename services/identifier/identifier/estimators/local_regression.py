@@ -1,8 +1,8 @@
-"""Least squares over the lines around each line, segment by segment: the sums behind both local methods.
+"""Least squares over the lines around each line, segment by segment: the sums of both local methods.
 
-Around a line, with ``r`` the distance from it, ``A(r) Y = B(r) U + T(r)``: `B` the FRF times `A`, and `T` what the
-segment's ends leak, smooth in frequency as the FRF itself. `T` differs from segment to segment and is projected out;
-the rest is kept as the triangular factor of all equations so far, of a size that does not grow with the record.
+Around a line, with ``r`` the distance from it, ``A(r) Y = B(r) U + T(r)``: `B` is the FRF times `A`, and `T` the
+leakage of the segment's ends, smooth in frequency as the FRF. `T` differs between segments and is projected out; the
+rest is kept as the triangular factor of all equations so far, whose size does not grow with the record.
 """
 
 import math
@@ -23,10 +23,10 @@ _LINES_TOGETHER = 32
 class LocalModel:
     """Lines and polynomials of a local method.
 
-    `order`: Of numerator and transient, 0 or more. `denominator_order`: 0 for the local polynomial method (LPM); as
+    `order`: Order of numerator and transient, 0 or more. `denominator_order`: 0 for the local polynomial method (LPM);
     `order` for the local rational one (LRM): a common denominator for each response follows sharp resonances.
-    `half_width`: Lines of a segment to either side; of a capture of P periods, P times as many. `segment_blocks`:
-    Blocks in a segment of noise: more resolve a resonance more finely.
+    `half_width`: Lines of a segment to either side; for a capture of P periods, P times as many. `segment_blocks`:
+    Number of blocks in a segment of noise: more resolve a resonance more finely.
     """
 
     order: int
@@ -47,9 +47,9 @@ class LocalSums:
 
     Columns of the triangular factor: drives times ``r^0``, ``r^1``, …, then responses times ``r^0``, ``r^1``, ….
 
-    `layout`: Of the experiment. `drives`, `responses`: Channels, 1 or more. `model`: Orders and widths.
-    `reach`: Half of the neighbourhood's width, in hertz.
-    Raises `ValueError`: Where the neighbourhood is wider than the spectrum.
+    `layout`: Layout of the experiment. `drives`, `responses`: Numbers of channels, 1 or more. `model`: Orders and
+    widths. `reach`: Half of the neighbourhood's width, in hertz.
+    Raises `ValueError`: The neighbourhood is wider than the spectrum.
     """
 
     def __init__(self, layout: Layout, *, drives: int, responses: int, model: LocalModel) -> None:
@@ -72,7 +72,7 @@ class LocalSums:
 
     @property
     def unknowns(self) -> int:
-        """Of a response at a line."""
+        """Number of unknowns of a response at a line."""
         return self.drives * (self.model.order + 1) + self.model.denominator_order
 
     def fewest_half_width(self, surplus: float) -> int:
@@ -97,7 +97,7 @@ class LocalSums:
             self._take(segment)
 
     def _stride(self, length: int) -> int:
-        """Lines of a segment from one excited line to the next, where the drive is periodic."""
+        """Return the lines of a segment from one excited line to the next, for a periodic drive."""
         return length // self._layout.block_samples if self._layout.periodic else 1
 
     def _width(self, length: int) -> int:
@@ -106,10 +106,10 @@ class LocalSums:
     def _take(self, segment: NDArray[np.float64]) -> None:
         length, width = segment.shape[1], self._width(segment.shape[1])
         rate = self._layout.sample_rate
-        # In units of a density, so that segments of different lengths count by what they know.
+        # In units of a density, so that segments of different lengths are weighted by their information.
         spectra = np.fft.rfft(segment, axis=1).T * np.sqrt(2.0 / (rate * length))
         frequency = self._layout.frequency[self.lines]
-        # The line of the mean and the Nyquist line do not belong to the neighbourhood of any other.
+        # The line of the mean and the Nyquist line are not part of the neighbourhood of any other.
         first = np.clip(np.rint(frequency * length / rate).astype(int) - width // 2, 1, (length - 1) // 2 - width + 1)
         transient = np.linalg.qr(np.vander(np.linspace(-1.0, 1.0, width), self.model.order + 1))[0]
         for start in range(0, self.lines.size, _LINES_TOGETHER):

@@ -1,7 +1,7 @@
-"""From the triangular factor of a local regression to the FRF, polynomial or rational.
+"""Conversion of the triangular factor of a local regression to the FRF, polynomial or rational.
 
-With the columns ordered drives first, the factor is ``[[R11, R12], [0, R22]]``: what of the responses the drives
-explain stands in ``R12``, what they do not in ``R22``. Each response has its own denominator.
+With the columns of the drives first, the factor is ``[[R11, R12], [0, R22]]``: the part of the responses that the
+drives explain is in ``R12``, the rest in ``R22``. Each response has its own denominator.
 """
 
 from dataclasses import dataclass
@@ -11,19 +11,19 @@ from numpy.typing import NDArray
 
 from identifier.estimators.local_regression import LocalSums
 
-# Of a column of unit size: what is smaller after the drives were taken out of it is rounding.
+# Share of a column of unit size: a smaller rest after the projection of the drives is rounding.
 _ROUNDING = 1e-11
 
 
 @dataclass(frozen=True)
 class LocalSolution:
-    """The FRF at the excited lines, and what tells how good it is.
+    """The FRF at the excited lines, and figures of its quality.
 
     `frf`: Complex, shape (excited lines, responses, drives). `residual_psd`: Shape (excited lines, responses), density
-    of what is not explained, without the bias of the fit. `explained`: Share of each response's power that the fit
-    explains, without what it explains of any noise, shape (excited lines, responses), 0 to 1. `drive_weight`: Shape
-    (excited lines, drives): variance of an FRF element over the residual density, by drive. `degrees_of_freedom`: Shape
-    (excited lines): complex, of the residual, greater than 0.
+    of the unexplained part, without the bias of the fit. `explained`: Share of each response's power that the fit
+    explains, without its share of any noise, shape (excited lines, responses), 0 to 1. `drive_weight`: Shape (excited
+    lines, drives): variance of an FRF element over the residual density, by drive. `degrees_of_freedom`: Shape (excited
+    lines): complex degrees of freedom of the residual, greater than 0.
     """
 
     frf: NDArray[np.complex128]
@@ -52,7 +52,7 @@ def solve_local(sums: LocalSums) -> LocalSolution:
         numerator = np.linalg.solve(of_drives, explained_part[:, :, columns] @ denominator)[:, :n_u, 0]
         frf[:, channel] = numerator / size[:, :n_u]
         equation_error = np.sum(np.abs(rest[:, :, columns] @ denominator) ** 2, axis=(1, 2))
-        # Noise of the response stands in the equation multiplied by the denominator.
+        # Noise of the response is multiplied by the denominator in the equation.
         unexplained[:, channel] = equation_error / _mean_square(denominator[:, :, 0])
     total = size[:, unknowns : unknowns + n_y] ** 2
     silent = np.argwhere(total == 0.0)
@@ -71,7 +71,7 @@ def solve_local(sums: LocalSums) -> LocalSolution:
 
 
 def degrees_of_freedom(sums: LocalSums, *, equations: int) -> int:
-    """Count the equations at a line beyond its unknowns."""
+    """Return the number of equations at a line minus its unknowns."""
     unknowns = sums.unknowns
     if equations <= unknowns:
         raise ValueError(
@@ -82,9 +82,9 @@ def degrees_of_freedom(sums: LocalSums, *, equations: int) -> int:
 
 
 def _denominator(rest: NDArray[np.complex128], size: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Coefficients from ``r^0``, which is 1, shape (lines, poles + 1, 1): the smallest ones that explain the most.
+    """Return the coefficients from ``r^0``, which is 1, shape (lines, poles + 1, 1): the smallest that explain most.
 
-    Where the FRF is a polynomial already nothing determines them: poles and zeros cancel, and they are 0.
+    If the FRF is a polynomial already they are not determined: poles and zeros cancel, and they are 0.
     """
     result = np.zeros((rest.shape[0], rest.shape[2], 1), dtype=np.complex128)
     result[:, 0] = 1.0
@@ -100,7 +100,7 @@ def _denominator(rest: NDArray[np.complex128], size: NDArray[np.float64]) -> NDA
 
 
 def _mean_square(polynomial: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Mean of ``|A(r)|^2`` over the neighbourhood, ``r`` from -1 to 1."""
+    """Return the mean of ``|A(r)|^2`` over the neighbourhood, ``r`` from -1 to 1."""
     exponent = np.add.outer(np.arange(polynomial.shape[1]), np.arange(polynomial.shape[1]))
     moments = np.where(exponent % 2 == 0, 1.0 / (exponent + 1.0), 0.0)
     return np.einsum("fs,st,ft->f", polynomial, moments, polynomial.conj()).real

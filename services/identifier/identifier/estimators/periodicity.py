@@ -1,4 +1,4 @@
-"""Has the transient died out? Periods of a capture compared with each other, or with the delay block before."""
+"""Check for remaining transients: periods of a capture compared with each other, or with the delay block before."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,7 +8,7 @@ from identifier.estimators.slow_transients import SlowTransients
 from identifier.layout import Capture, Layout
 
 LARGEST_TRANSIENT = 0.01
-"""Share of a response's RMS that a transient may still have in a capture."""
+"""Largest transient in a capture as a share of a response's RMS."""
 
 SMALLEST_DECAY = 3.0
 """Power in the first quarter of a difference of two periods over that in its last: noise alone has 1."""
@@ -16,20 +16,20 @@ SMALLEST_DECAY = 3.0
 _QUARTERS = 4
 
 _COMPARED = 3
-"""Periods in a row that tell a slow transient from noise."""
+"""Number of successive periods that distinguish a slow transient from noise."""
 
 
 class PeriodicityCheck:
     """Compares the first period of every capture with the one before or after it, in bounded memory.
 
-    Two periods of the steady state are alike; a transient makes the earlier one differ, and the difference decays.
-    Where a capture has several periods its first two are compared, so the difference is what the first one holds.
-    Where it has one, it is compared with the last delay block, and the decay seen is carried on into the capture.
-    A transient that outlasts a block hardly decays within it: it shows in the next period, see `SlowTransients`. For
-    that three periods in a row and two captures are needed: in captures of a single period it remains unseen.
+    Two periods of the steady state are equal; a transient makes the earlier one differ, and the difference decays.
+    If a capture has several periods its first two are compared, so the difference is the transient in the first one. If
+    it has one, it is compared with the last delay block, and the decay is extrapolated into the capture.
+    A transient longer than a block hardly decays within it: it shows in the next period, see `SlowTransients`. That
+    needs three successive periods and two captures: in captures of a single period it remains undetected.
 
-    `layout`: Of a periodic experiment; nothing is checked of another, nor where nothing was played before a single
-    period. `responses`: Channels, 1 or more.
+    `layout`: Layout of a periodic experiment; other experiments are not checked, nor single periods without an earlier
+    playback. `responses`: Number of channels, 1 or more.
     """
 
     def __init__(self, layout: Layout, *, responses: int) -> None:
@@ -43,7 +43,7 @@ class PeriodicityCheck:
         self._power = np.zeros(responses)
 
     def add(self, response: NDArray[np.float64]) -> None:
-        """Take the next samples of the whole record."""
+        """Add the next samples of the whole record."""
         first, last = self._position, self._position + response.shape[1]
         self._position = last
         while self._waiting:
@@ -57,7 +57,7 @@ class PeriodicityCheck:
             self._waiting.pop(0)
 
     def warnings(self) -> tuple[ModelWarning, ...]:
-        """Judge the captures so far."""
+        """Return the warnings about the captures so far."""
         decay = _ratio(self._difference[:, 0], self._difference[:, -1])
         share = np.sqrt(_ratio(self._carried, self._power))
         slow_share = np.sqrt(_ratio(self._slow.difference_power(share.size), self._power))
@@ -79,7 +79,7 @@ class PeriodicityCheck:
         if capture.periods > 1:
             self._carried += np.mean(power, axis=1)
         else:
-            # What decayed by this much over three quarters continues decaying so in the four of the capture.
+            # A decay over three quarters is assumed to continue in the four of the capture.
             by_quarter = np.clip(_ratio(power[:, -1], power[:, 0]), 0.0, 1.0) ** (1.0 / (_QUARTERS - 1))
             self._carried += power[:, -1] * np.mean(by_quarter[:, None] ** np.arange(1, _QUARTERS + 1), axis=1)
 
@@ -95,9 +95,9 @@ class PeriodicityCheck:
 
 
 def _stretches(layout: Layout) -> list[tuple[Capture, int, int]]:
-    """Return captures with first and last sample of the periods to compare: three where there are, or two."""
+    """Return captures with first and last sample of the compared periods: three if possible, or two."""
     block = layout.block_samples
-    # Of the delay block the second half counts, so that is where the fade must be over.
+    # The second half of the delay block is used, so the fade must be over there.
     faded_in = layout.delay_blocks * block - layout.fade_samples >= block // 2
     stretches = []
     for capture in layout.captures:
@@ -113,7 +113,7 @@ def _stretches(layout: Layout) -> list[tuple[Capture, int, int]]:
 
 
 def _ratio(above: NDArray[np.float64], below: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Quotient, 0 where nothing stands above; where nothing stands below, as large as can be said."""
+    """Return the quotient, 0 for a numerator of 0; for a denominator of 0 the largest representable value."""
     largest = np.full(above.shape, 1.0 / np.finfo(np.float64).eps)
     return np.where(
         above == 0.0, 0.0, np.minimum(np.divide(above, below, out=largest.copy(), where=below > 0.0), largest)

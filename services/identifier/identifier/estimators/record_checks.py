@@ -1,4 +1,4 @@
-"""Channels that say nothing or not the truth: dead, clipped, silent; checked while the record passes."""
+"""Checks of channels during the record: dead, clipped, silent."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,30 +7,30 @@ from duralab_spectra import NotFiniteError
 from identifier.estimators.frf_estimate import ModelWarning, WarningCode
 
 SHORTEST_FLAT_TOP = 3
-"""Samples in a row at one extreme value that may be clipped: noise does not stand still, not even digitised."""
+"""Successive samples at one extreme value that may be clipped: noise is not constant, not even digitised."""
 
 LARGEST_ROUNDED_OFF = 2.0
-"""Steps of its converter that a channel would have gone beyond a flat top: up to 1 comes of rounding a slow crest."""
+"""Largest excess over a flat top that rounding explains, in converter steps: a slow crest has up to 1."""
 
 LONGEST_ROUNDED_OFF = 4.0
-"""Length of a flat top over that of a crest within one step, if it bends as a sine of the channel's mean frequency."""
+"""Length of a flat top over that of a crest within one step, for a sine of the channel's mean frequency."""
 
 STEP_SAMPLES = 2**16
-"""So many of a channel show the step of its converter: without one two of them are nearly alike."""
+"""Number of a channel's samples that show its converter step: without one, two of them are hardly ever equal."""
 
-# Each is looked at several times: so many stay in the second cache.
+# Samples per block, each of which is read several times: they fit into the second-level cache.
 _LOOKED_AT_TOGETHER = 2**15
 
 LARGEST_MAGNITUDE, SMALLEST_MAGNITUDE = 1e60, 1e-60
-"""Between these the squares of a density and their inverses are finite numbers, whatever is divided by whatever."""
+"""Range in which the squares of a density and their inverses are finite, for any quotient."""
 
 
 class ChannelCheck:
-    """Watches the channels of a record that arrives in pieces.
+    """Checks the channels of a record that arrives in pieces.
 
-    `channels`: 1 or more. `name`: What a channel is called in a sentence: "drive" or "response". `of_drive`: Whether
-    the warnings concern drives. `taken_off`: Shape (channels): what was taken off each channel before; sentences tell
-    the values that were measured. Nothing where not given.
+    `channels`: 1 or more. `name`: Name of a channel in a sentence: "drive" or "response". `of_drive`: Whether the
+    warnings concern drives. `taken_off`: Shape (channels): offset subtracted from each channel before; sentences state
+    the measured values. Zero if not given.
     """
 
     def __init__(
@@ -48,7 +48,7 @@ class ChannelCheck:
         self._bottoms = _FlatTops(channels, sign=-1.0)
 
     def add(self, samples: NDArray[np.float64]) -> None:
-        """Watch the next samples that are used."""
+        """Add the next used samples."""
         largest = np.zeros(samples.shape[0])
         for row, channel in enumerate(samples):
             parts = [
@@ -72,7 +72,7 @@ class ChannelCheck:
         self._samples += samples.shape[1]
 
     def warnings(self) -> tuple[ModelWarning, ...]:
-        """Judge the record so far."""
+        """Return the warnings about the record so far."""
         highest, lowest = self._tops.extreme + 0.0, -self._bottoms.extreme  # never a minus zero in a sentence
         dead = np.flatnonzero(highest - lowest < SMALLEST_MAGNITUDE)
         if dead.size:
@@ -81,14 +81,14 @@ class ChannelCheck:
                 f"These channels are dead: {values}; "
                 + ("excite every drive." if self._of_drive else "check their sensors or leave them out.")
             )
-        # A channel that has not moved by then has shown no step, so none explains its flat tops.
+        # A channel that has not moved by then has no known step, so no step explains its flat tops.
         steps = np.where(np.isfinite(self._steps), self._steps, 0.0)
         rounded = self._longest_rounded(steps, peak=0.5 * (highest - lowest))
         flat = self._tops.clipped_samples(steps, rounded) + self._bottoms.clipped_samples(steps, rounded)
         return tuple(self._clipped(int(row), int(flat[row])) for row in np.flatnonzero(flat))
 
     def _find_step(self, row: int, channel: NDArray[np.float64]) -> None:
-        """Keep the smallest change of a channel from one sample to the next, and how fast it moves."""
+        """Store the smallest change of a channel from one sample to the next, and its mean rate of change."""
         part = channel[: max(0, STEP_SAMPLES - self._looked_at[row])]
         if part.size == 0:
             return
@@ -102,7 +102,7 @@ class ChannelCheck:
         self._before[row] = part[-1]
 
     def _longest_rounded(self, steps: NDArray[np.float64], *, peak: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return how many samples a crest, shape (channels), may stay in one step without being clipped."""
+        """Return the number of samples, shape (channels), that a crest may stay in one step without being clipped."""
         total, square, change = self._sums.T
         variation = square - total**2 / self._looked_at
         stay = np.divide(2.0 * steps * variation, peak * change, out=np.zeros_like(peak), where=change > 0.0)
@@ -122,12 +122,12 @@ class ChannelCheck:
 
 
 class _FlatTops:
-    """Largest value so far, and the samples of runs of three and more at it; of the negative where `sign` is -1.
+    """Largest value so far, and the samples in runs of three or more at it; of the negative if `sign` is -1.
 
-    A slow crest stands in one step of a coarse converter for several samples without being clipped. The flanks tell:
-    through a flat top of n samples that falls by d to the next sample goes a parabola whose crest is higher than the
-    flat top by d (n - 1)^2 / (4 n). Rounding explains one step of that, and one of d. Where an amplifier gives way
-    softly the flanks are round; there the length tells.
+    A slow crest stays in one step of a coarse converter for several samples without being clipped. The flanks show
+    this: a parabola through a flat top of n samples that falls by d to the next sample has a crest d (n - 1)^2 / (4 n)
+    above the flat top. Rounding explains one step of that, and one of d. If an amplifier saturates softly the flanks
+    are round; then the length shows it.
     """
 
     def __init__(self, channels: int, *, sign: float) -> None:
@@ -137,13 +137,13 @@ class _FlatTops:
         # The coarsest step with which some flat top would still be clipped.
         self._coarsest = np.zeros(channels)
         self._longest = np.zeros(channels, dtype=np.int64)
-        # The run that the record so far ends with, the sample before it, and the last sample.
+        # The run at the end of the record so far, the sample before it, and the last sample.
         self._run = np.zeros(channels, dtype=np.int64)
         self._before_run = np.full(channels, np.nan)
         self._last = np.full(channels, np.nan)
 
     def add(self, row: int, parts: list[NDArray[np.float64]], extremes: list[float]) -> None:
-        """Take the next samples of a channel in parts; the largest of each times the sign is its extreme."""
+        """Add the next samples of a channel in parts; the largest of each times the sign is its extreme."""
         extreme = max(extremes)
         if extreme > self.extreme[row]:
             self.extreme[row], self._run[row] = extreme, 0
@@ -156,7 +156,7 @@ class _FlatTops:
             self._last[row] = part[-1]
 
     def clipped_samples(self, steps: NDArray[np.float64], rounded: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Count the samples in flat tops that neither converters' steps nor lengths, shapes (channels), explain."""
+        """Return the number of samples in flat tops that neither steps nor lengths, shapes (channels), explain."""
         for row in np.flatnonzero(self._run):
             self._end_run(int(row), np.array([np.nan]))
         return np.where((self._coarsest > steps) | (self._longest > rounded), self._flat_samples, 0)
@@ -166,7 +166,7 @@ class _FlatTops:
         self._run[row] = 0
 
     def _count(self, row: int, at_extreme: NDArray[np.intp], part: NDArray[np.float64]) -> None:
-        """Add the runs of a piece, one or more, the first joined to the one that the piece before ended with."""
+        """Add the runs of a piece, one or more, the first joined to the last run of the piece before."""
         breaks = np.flatnonzero(np.diff(at_extreme) > 1) + 1
         starts = at_extreme[np.concatenate(([0], breaks))]
         lengths = np.diff(np.concatenate(([0], breaks, [at_extreme.size])))
@@ -182,7 +182,7 @@ class _FlatTops:
     def _judge(
         self, row: int, lengths: NDArray[np.int64], before: NDArray[np.float64], after: NDArray[np.float64]
     ) -> None:
-        """Take whole runs and the samples on either side of them, not a number where there is none."""
+        """Add complete runs and the samples on either side of them, NaN if there is none."""
         flat = lengths >= SHORTEST_FLAT_TOP
         if flat.any():
             self._flat_samples[row] += np.sum(lengths[flat])

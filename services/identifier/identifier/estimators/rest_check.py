@@ -1,4 +1,4 @@
-"""Has the rig come to rest before the next burst? What rings on lies in the wrong block, and no window forgives it."""
+"""Check for rest before the next burst: ringing leaks into the next block, and no window removes it."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,23 +8,23 @@ from identifier.estimators.periodicity import LARGEST_TRANSIENT, SMALLEST_DECAY
 from identifier.layout import Layout, Window
 
 LARGEST_UNREST = 0.1
-"""Share of a response's RMS that may be left at the end of a block without a decay: noise, as a rule, but a mode that
-hardly decays in a rest looks the same."""
+"""Largest remainder at the end of a block without a decay, as a share of a response's RMS: noise, as a rule, but a
+mode that hardly decays in a rest looks the same."""
 
 _QUARTERS = 4
 
 _SHORTEST_REST = 8
-"""Blocks over rest: of a shorter rest nothing is told."""
+"""Largest ratio of block to rest: a shorter rest is not judged."""
 
 
 class RestCheck:
-    """Looks at the rest behind every burst or sweep, in the memory of a block.
+    """Checks the rest after every burst or sweep, in the memory of a block.
 
-    A response that rings on decays from the third quarter of the rest to its last, and is taken to continue so into the
+    A ringing response decays from the third quarter of the rest to its last, and is assumed to continue so into the
     next block. Noise does not decay.
 
-    `layout`: Of bursts or sweeps, a block each; nothing is checked of another. `drives`, `responses`: Channels, 1 or
-    more.
+    `layout`: Layout of bursts or sweeps, a block each; others are not checked. `drives`, `responses`: Numbers of
+    channels, 1 or more.
     """
 
     def __init__(self, layout: Layout, *, drives: int, responses: int) -> None:
@@ -38,7 +38,7 @@ class RestCheck:
         self._blocks_over_rest = 0.0
 
     def add(self, drive: NDArray[np.float64], response: NDArray[np.float64]) -> None:
-        """Take the next samples that are used."""
+        """Add the next used samples."""
         size, taken = self._drive.shape[1], 0
         while self._active and taken < drive.shape[1]:
             piece = min(size - self._filled, drive.shape[1] - taken)
@@ -50,7 +50,7 @@ class RestCheck:
                 self._filled = 0
 
     def warnings(self) -> tuple[ModelWarning, ...]:
-        """Judge the blocks so far."""
+        """Return the warnings about the blocks so far."""
         if not self._power.any():
             return ()
         power = np.where(self._power > 0.0, self._power, 1.0)
@@ -67,7 +67,7 @@ class RestCheck:
         )
 
     def _take(self) -> None:
-        """Note the power of a block, and of the third and the last quarter of its rest."""
+        """Add the power of a block, and of the third and the last quarter of its rest."""
         moving = np.flatnonzero(np.any(self._drive != self._drive[:, -1:], axis=0))
         begin = int(moving[-1]) + 1 if moving.size else 0
         size = self._drive.shape[1]

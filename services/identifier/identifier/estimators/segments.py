@@ -1,4 +1,4 @@
-"""Long stretches of a record, transformed whole: what the local methods regress on."""
+"""Long segments of a record, transformed whole, for the regressions of the local methods."""
 
 from collections.abc import Iterator
 
@@ -12,11 +12,11 @@ from identifier.layout import Capture, Layout, Window
 class Segments:
     """Cuts the used samples of a record that arrives in pieces into segments.
 
-    A capture of periods, or a block of a burst, is a segment; an uninterrupted stretch of noise is divided into
-    segments of one length, about as long as asked for, so that all of it is used.
+    A capture of periods, or a block of a burst, is a segment; an uninterrupted capture of noise is divided into
+    segments of one length, close to the requested one, so that all of it is used.
 
-    `layout`: Of the record. `channels`: Drives and responses together, 1 or more. `segment_blocks`: Blocks in a segment
-    of noise, 1 or more.
+    `layout`: Layout of the record. `channels`: Drives and responses together, 1 or more. `segment_blocks`: Number of
+    blocks in a segment of noise, 1 or more.
     """
 
     def __init__(self, layout: Layout, *, channels: int, segment_blocks: int) -> None:
@@ -27,7 +27,7 @@ class Segments:
         self._filled = 0
 
     def length_of(self, capture: Capture) -> int:
-        """Count the samples of a segment of a capture."""
+        """Return the number of samples of a segment of a capture."""
         samples = self._layout.samples_of(capture)
         if self._layout.window is Window.NONE:
             return samples if self._layout.periodic else self._layout.block_samples

@@ -1,7 +1,7 @@
-"""Bias of a local method: its FRF beside one that bends as it likes from line to line, or over fewer lines.
+"""Bias of a local method: its FRF compared with one that is free from line to line, or with one over fewer lines.
 
-A polynomial over a neighbourhood wider than a resonance smooths the resonance. Where captures do not leak, H1 is free
-of that; where they do, the same method over fewer lines is less biased.
+A polynomial over a neighbourhood wider than a resonance smooths the resonance. If captures do not leak, H1 is free of
+that; if they do, the same method over fewer lines is less biased.
 """
 
 from dataclasses import dataclass
@@ -18,23 +18,23 @@ from identifier.estimators.local_regression import LocalSums
 from identifier.estimators.local_solution import LocalSolution
 
 NOTICED_SHARE = 0.02
-"""Smallest bias, as a share of a response's RMS, that is worth a warning."""
+"""Smallest bias that causes a warning, as a share of a response's RMS."""
 
 SMALLEST_SURPLUS = 1.5
-"""Equations over unknowns below which the noise in them is amplified."""
+"""Ratio of equations to unknowns below which noise is amplified."""
 
 AMPLE_SURPLUS = 2.0
-"""Equations over unknowns that the methods' own widths give at least."""
+"""Smallest ratio of equations to unknowns with the methods' own widths."""
 
 _TIMES_CHANCE = 2.0
 
 _SECOND_DIFFERENCE = 6.0
-"""Power of the second difference of independent values over their own."""
+"""Power of the second difference of independent values over their own power."""
 
 _FEWEST_LINES = 3
 
 _FEWEST_NEIGHBOURS = 16
-"""Lines to either side over which the median of what changes from line to line is taken, at least."""
+"""Smallest number of lines to either side for the median of the change from line to line."""
 
 _LEFT_OUT = 0.05
 """Share of the difference below the band that a warning names, and above it."""
@@ -42,7 +42,7 @@ _LEFT_OUT = 0.05
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """Lines that a local method took, and what it could take instead.
+    """Neighbourhood of a local method, and its smallest alternative.
 
     `half_width`: Lines to either side. `hertz`: Width of the whole neighbourhood. `fewest`: Smallest half width that
     gives twice as many equations as unknowns.
@@ -61,7 +61,7 @@ class Neighbourhood:
 
 
 def few_equations(sums: LocalSums) -> tuple[ModelWarning, ...]:
-    """Warn of a neighbourhood that hardly determines its unknowns: noise is amplified."""
+    """Warn of a neighbourhood that hardly determines its unknowns, so that noise is amplified."""
     least, now = sums.fewest_half_width(SMALLEST_SURPLUS), sums.model.half_width
     if now >= least:
         return ()
@@ -81,11 +81,11 @@ def differences_from_h1(
     other_phases: bool,
     sweeps: bool,
 ) -> tuple[ModelWarning, ...]:
-    """Compare a local estimate with H1 of captures without a window; name the responses where they disagree.
+    """Compare a local estimate with H1 of captures without a window; report the responses that disagree.
 
-    Both predict the response to the drives that were played. Chance moves H1's prediction by ``n_u / N`` of the
-    residual spectrum, or, where the residual does not show it, by what changes from one line to the next. Beyond twice
-    that, the local method is biased.
+    Both predict the response to the played drives. Chance changes H1's prediction by ``n_u / N`` of the residual
+    spectrum, or, if the residual does not show it, by the change from one line to the next. Beyond twice that, the
+    local method is biased.
     """
     lines = np.flatnonzero(spectra.lines)
     s_uu, s_yu, auto_y = spectra.s_uu[lines], spectra.s_yu[lines], spectra.auto_y[lines]
@@ -107,7 +107,7 @@ def differences_from_h1(
         frequency=spectra.frequency[lines],
         least=np.maximum(NOTICED_SHARE, transients),
         judge="h1 of the same captures shows",
-        # With few lines the drive where a sweep begins cannot be distinguished from a transient.
+        # With few lines the start of a sweep's drive cannot be distinguished from a transient.
         remedy="take h1 or random_orthogonal" if sweeps else f"take h1{_or_narrower(neighbourhood)}",
         neighbourhood=neighbourhood,
     )
@@ -122,13 +122,13 @@ def differences_from_narrower(
     share: NDArray[np.float64],
     bias_order: int,
 ) -> tuple[ModelWarning, ...]:
-    """Compare a local estimate with one over fewer lines; name the responses where they disagree.
+    """Compare a local estimate with one over fewer lines; report the responses that disagree.
 
     `share`: Shape (excited lines): width of the narrower neighbourhood over that of `solution`, below 1.
     """
     lines = np.flatnonzero(spectra.lines)
     s_uu, auto_y = spectra.s_uu[lines], spectra.auto_y[lines]
-    # Least squares over more lines is the better one of two estimates: their difference varies by what it is better.
+    # Least squares over more lines is the better of two estimates: the variance of their difference is its advantage.
     weight = np.maximum(narrower.drive_weight - solution.drive_weight, 0.0)
     chance = np.sum(np.einsum("fjj->fj", s_uu).real * weight, axis=1)[:, None] * narrower.residual_psd
     remaining = ((1.0 - share**bias_order) ** 2)[:, None]
@@ -145,14 +145,14 @@ def differences_from_narrower(
 
 
 def predicted_power(difference: NDArray[np.complex128], s_uu: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Density of what an FRF, shape (lines, responses, drives), makes of the drives, shape (lines, responses)."""
+    """Return the response density of an FRF, shape (lines, responses, drives), with the drives, (lines, responses)."""
     return np.einsum("fij,fjk,fik->fi", difference, s_uu, difference.conj(), optimize=True).real
 
 
 def jaggedness(frf: NDArray[np.complex128], s_uu: NDArray[np.complex128], half_width: int) -> NDArray[np.float64]:
-    """Power of what is independent from line to line, shape (lines, responses): neither bends nor a few narrow modes.
+    """Return the power that is independent from line to line, (lines, responses): no curvature, no few narrow modes.
 
-    Second differences take away what bends slowly, their median over the neighbourhood what stands at few lines.
+    Second differences remove slow curvature, their median over the neighbourhood removes peaks at few lines.
     """
     if frf.shape[0] < _FEWEST_LINES:
         return np.zeros(frf.shape[:2])

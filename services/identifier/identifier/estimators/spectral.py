@@ -22,10 +22,10 @@ def estimate_from_spectra(
 ) -> FrfEstimate:
     """Estimate an FRF matrix from averaged spectra.
 
-    `kind`: H1, H2 or Hv. `spectra`: As `SpectralSums` averaged them. `warnings`: What was suspicious about the record.
-    Returns: At the excited lines.
-    Raises `ValueError`: Where a drive or a response is silent at an excited line, the drives depend on each other, or
-    the estimator does not fit the channels.
+    `kind`: H1, H2 or Hv. `spectra`: Averages of `SpectralSums`. `warnings`: Warnings about the record.
+    Returns: Estimate at the excited lines.
+    Raises `ValueError`: A drive or a response is silent at an excited line, the drives are dependent, or the estimator
+    does not fit the channels.
     """
     lines = np.flatnonzero(spectra.lines)
     frequency = spectra.frequency[lines]
@@ -84,7 +84,7 @@ def _unexplained(
     s_yu: NDArray[np.complex128],
     auto_y: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Power of ``Y - H U``; 0 where rounding would make it negative."""
+    """Return the power of ``Y - H U``; 0 if rounding would make it negative."""
     predicted = np.einsum("fij,fij->fi", frf @ s_uu, frf.conj()).real
     shared = np.einsum("fij,fij->fi", frf, s_yu.conj()).real
     return np.maximum(auto_y - 2.0 * shared + predicted, 0.0)

@@ -1,4 +1,4 @@
-"""Responses that stand still for a while though drives move: a stuck sensor shrinks the FRF and shows nowhere else."""
+"""Responses that stand still while drives move: a stuck sensor makes the FRF smaller and is not detected elsewhere."""
 
 from typing import NamedTuple
 
@@ -23,14 +23,14 @@ class _Run(NamedTuple):
 
 
 class StandstillCheck:
-    """Watches the responses of a record that arrives in pieces for values that repeat while drives move.
+    """Checks the responses of a record that arrives in pieces for values that repeat while drives move.
 
-    A response stands still where it keeps one value, to the last bit, for a period of the lowest frequency excited; for
-    a block where not every frequency is there at every moment, as in a sweep, whose ends a coarse converter may not
-    resolve. Only samples at which a drive moves count: a rig comes to rest between bursts.
+    A response stands still if it keeps exactly one value for a period of the lowest excited frequency; for a block if
+    not every frequency is present at every instant, as in a sweep, whose ends a coarse converter may not resolve. Only
+    samples with a moving drive count: a rig comes to rest between bursts.
 
-    `layout`: Of the record. `responses`: Channels, 1 or more. `taken_off`: Shape (responses): what was taken off each
-    channel before; sentences tell the values that were measured. Nothing where not given.
+    `layout`: Layout of the record. `responses`: Number of channels, 1 or more. `taken_off`: Shape (responses): offset
+    subtracted from each channel before; sentences state the measured values. Zero if not given.
     """
 
     def __init__(self, layout: Layout, *, responses: int, taken_off: NDArray[np.float64] | None = None) -> None:
@@ -42,16 +42,16 @@ class StandstillCheck:
         self._samples = self._stop = 0
         self._drive_before: NDArray[np.float64] | None = None
         self._value = np.full(responses, np.nan)
-        # Of the run that each response is in: its first sample, and at how many of its samples a drive moved.
+        # First sample of the present run of each response, and its number of samples with a moving drive.
         self._start = np.zeros(responses, dtype=np.int64)
         self._moved = np.zeros(responses, dtype=np.int64)
         self._found: list[_Run] = []
 
     def add(self, drive: NDArray[np.float64], response: NDArray[np.float64], *, first: int) -> None:
-        """Watch the next samples that are used."""
+        """Add the next used samples."""
         moving = self._moving(drive)
         self._samples += int(np.count_nonzero(moving))
-        # Of two neighbours on this grid a run that counts holds both: where none are alike only the ends matter.
+        # A counted run holds two neighbours on this grid: if no two are equal only the ends matter.
         step = self._shortest // 2
         for row, samples in enumerate(response):
             grid = samples[::step]
@@ -65,7 +65,7 @@ class StandstillCheck:
         self._drive_before = drive[:, -1].copy()
 
     def warnings(self) -> tuple[ModelWarning, ...]:
-        """Judge the record so far."""
+        """Return the warnings about the record so far."""
         rows = range(self._value.size)
         running = [self._run(row, stop=self._stop, moved=int(self._moved[row])) for row in rows]
         found = [*self._found, *(run for run in running if run.moved >= self._shortest)]
@@ -74,7 +74,7 @@ class StandstillCheck:
         )
 
     def _moving(self, drive: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether any drive differs from its sample before."""
+        """Return whether any drive differs from its sample before."""
         moving = np.zeros(drive.shape[1], dtype=bool)
         moving[0] = self._drive_before is not None and bool(np.any(drive[:, 0] != self._drive_before))
         for channel in drive:
@@ -84,7 +84,7 @@ class StandstillCheck:
         return moving
 
     def _follow(self, row: int, samples: NDArray[np.float64], moving: NDArray[np.bool_], first: int) -> None:
-        """Carry the run that a response is in over the next samples."""
+        """Continue the present run of a response over the next samples."""
         self._stop = first + samples.size
         changes = np.flatnonzero(samples[1:] != samples[:-1]) + 1
         if samples[0] != self._value[row]:

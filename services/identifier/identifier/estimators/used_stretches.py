@@ -6,9 +6,9 @@ from identifier.layout import Capture, Layout
 
 
 class UsedStretches:
-    """Follows a record piece by piece and says which samples of each piece are used.
+    """Follows a record piece by piece and returns the used samples of each piece.
 
-    `layout`: Of the record.
+    `layout`: Layout of the record.
     """
 
     def __init__(self, layout: Layout) -> None:
@@ -20,11 +20,11 @@ class UsedStretches:
 
     @property
     def position(self) -> int:
-        """Samples of the record that have passed."""
+        """Number of samples of the record that have passed."""
         return self._position
 
     def next_pieces(self, samples: int) -> Iterator[tuple[Capture, slice, bool]]:
-        """Yield what is used of the next samples."""
+        """Yield the used parts of the next samples."""
         first = self._position
         last = first + samples
         if last > self._samples:

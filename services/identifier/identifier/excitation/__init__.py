@@ -1,7 +1,7 @@
-"""Excitations: PSDs, random noise, sweeps, multisines, what keeps the drives of several actuators apart, and levels.
+"""Excitations: PSDs, random noise, sweeps, multisines, decorrelation of several drives, and levels.
 
-`design_experiment` makes the drive and the positions of its captures; `plan_experiment` states its duration and gives
-before it is made.
+`design_experiment` makes the drive and the positions of its captures; `plan_experiment` returns duration and results
+without making the drive.
 """
 
 from identifier.excitation.crest_factor import crest_factors, minimise_crest_factor

@@ -21,9 +21,9 @@ def burst_random(
     sample_rate: float,
     seed: int,
 ) -> NDArray[np.float64]:
-    """Independent bursts of Gaussian noise, one at the beginning of every block, followed by rest.
+    """Return independent bursts of Gaussian noise, one at the beginning of every block, followed by rest.
 
-    A burst widens the band by about one over its length; that is the price of a block that begins and ends at rest.
+    A burst widens the band by about one over its length, so that a block begins and ends at rest.
 
     Source: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, chapter 5.
     """

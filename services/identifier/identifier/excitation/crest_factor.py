@@ -7,17 +7,17 @@ from scipy import fft
 from identifier.excitation.orthogonal import PhaseSet
 
 ITERATIONS = 300
-"""Clippings; ten times as many took 0.5 % more off one flat multisine of 100 lines, 7 % off a set of six drives."""
+"""Number of clippings; ten times as many gained 0.5 % for one flat multisine of 100 lines, 7 % for six drives."""
 
 FIRST_CLIPPING, LAST_CLIPPING = 0.6, 0.95
-"""Clipped at these shares of the peak, hard at first to move the phases, gently at last to settle them."""
+"""First and last clipping as shares of the peak: hard at first to change the phases, gentle at last to settle them."""
 
 _OVERSAMPLING = 4
-"""Samples in half a period of the highest line: peaks between them are at most 8 % higher."""
+"""Number of samples in half a period of the highest line: peaks between them are at most 8 % higher."""
 
 
 def crest_factors(record: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Ratio of the largest magnitude to the RMS.
+    """Return the ratio of the largest magnitude to the RMS.
 
     Parameters
     ----------
@@ -35,21 +35,21 @@ def crest_factors(record: NDArray[np.float64]) -> NDArray[np.float64]:
 def minimise_crest_factor(phases: PhaseSet, amplitude: NDArray[np.float64]) -> PhaseSet:
     """Change the phases of a set until the largest crest factor of all its drives and experiments is small.
 
-    Every signal is clipped and its new phases are kept, its amplitudes not. Within a set the signals share their
-    phases, so each row's and each column's phase is the one that fits all its signals best; the matrix between them is
-    not touched, and `S_uu` stays diagonal. The more signals share a phase, the less is gained.
+    Every signal is clipped and its new phases are kept, but not its amplitudes. Within a set the signals share their
+    phases, so each row's and each column's phase is the best fit to all its signals; the matrix between them is
+    unchanged, and `S_uu` stays diagonal. The more signals share a phase, the smaller is the gain.
 
     Parameters
     ----------
     phases
-        Where it starts; decides the result.
+        Phases at the start, which determine the result.
     amplitude
         Shape (drives, lines), 0 at the first and the last line, each drive of the same RMS.
 
     Returns
     -------
     PhaseSet
-        The best that was passed, never worse than the start.
+        The best phases found, never worse than the start.
 
     Notes
     -----
@@ -77,7 +77,7 @@ def minimise_crest_factor(phases: PhaseSet, amplitude: NDArray[np.float64]) -> P
 
 
 def _fit(phases: PhaseSet, wanted: NDArray[np.complex128]) -> PhaseSet:
-    """Phases of rows, then of columns, that fit the wanted lines in the least-squares sense."""
+    """Return phases of rows, then of columns, that fit the wanted lines in the least-squares sense."""
     unmixed = wanted * phases.mixing.conj()[:, :, None]
     shared_rows = (0, 1) if phases.rows.shape[0] == 1 else (1,)
     rows = _unit(np.sum(unmixed * phases.columns.conj(), axis=shared_rows, keepdims=True), phases.rows)
@@ -88,6 +88,6 @@ def _fit(phases: PhaseSet, wanted: NDArray[np.complex128]) -> PhaseSet:
 
 
 def _unit(value: NDArray[np.complex128], otherwise: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """Magnitude 1; where there is nothing to take a phase from, the old one."""
+    """Return values of magnitude 1; the old ones if a value has no phase."""
     magnitude = np.abs(value)
     return np.where(magnitude > 0.0, value / np.where(magnitude > 0.0, magnitude, 1.0), otherwise)

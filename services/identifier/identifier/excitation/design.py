@@ -1,4 +1,4 @@
-"""From settings to the drive of an experiment and its layout."""
+"""Conversion of settings to the drive of an experiment and its layout."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class Experiment:
     drive
         Shape (drives, samples), each row in its channel's unit.
     layout
-        Where its captures lie and which lines it excites.
+        Positions of its captures and its excited lines.
     """
 
     drive: NDArray[np.float64]
@@ -43,21 +43,21 @@ def design_experiment(settings: ExperimentSettings, *, drives: int, sample_rate:
     Parameters
     ----------
     settings
-        Valid when constructed.
+        Settings, valid when constructed.
     drives
-        Of the rig, 1 or more.
+        Number of drives of the rig, 1 or more.
     sample_rate
-        Of the rig, in hertz.
+        Sample rate of the rig, in hertz.
 
     Returns
     -------
     Experiment
-        The same bytes for the same arguments; not yet checked against the rig's limits, see `check_levels`.
+        Same bytes for the same arguments; not yet checked against the rig's limits, see `check_levels`.
 
     Raises
     ------
     SettingsError
-        Where the settings do not fit the rig.
+        The settings do not fit the rig.
     """
     layout = schedule_experiment(settings, drives=drives, sample_rate=sample_rate)
     if settings.kind is ExcitationKind.PURE_RANDOM:
@@ -102,7 +102,7 @@ def _bursts(settings: ExperimentSettings, layout: Layout) -> NDArray[np.float64]
 
 
 def _multisines(settings: ExperimentSettings, layout: Layout) -> NDArray[np.float64]:
-    """Lay the blocks of all experiments one after the other, each fading into the next during the delay of that."""
+    """Return the blocks of all experiments in sequence, each fading into the next during the next one's delay."""
     block, fade = layout.block_samples, layout.fade_samples
     drive = np.zeros((len(settings.spectra), layout.samples))
     for capture, period in _periods(settings, layout):
@@ -115,7 +115,7 @@ def _multisines(settings: ExperimentSettings, layout: Layout) -> NDArray[np.floa
 
 
 def _periods(settings: ExperimentSettings, layout: Layout) -> Iterator[tuple[Capture, NDArray[np.float64]]]:
-    """Each capture with its period, shape (drives, block_samples); one realisation in memory at a time."""
+    """Yield each capture with its period, shape (drives, block_samples); one realisation in memory at a time."""
     amplitude = line_amplitudes(settings.spectra, frequency=layout.frequency, excited=layout.excited)
     for realisation, captures in groupby(layout.captures, key=lambda capture: capture.realisation):
         phases = draw_phases(

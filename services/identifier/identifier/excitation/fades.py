@@ -1,11 +1,11 @@
-"""Linear fades, so that a rig at rest is not kicked."""
+"""Linear fades, so that a rig at rest gets no shock."""
 
 import numpy as np
 from numpy.typing import NDArray
 
 
 def linear_fades(samples: int, fade_samples: int) -> NDArray[np.float64]:
-    """Weight that rises linearly from 0 at the start, is 1, and falls linearly to 0 at the end.
+    """Return a weight that rises linearly from 0 at the start, is 1, and falls linearly to 0 at the end.
 
     Parameters
     ----------
@@ -17,7 +17,7 @@ def linear_fades(samples: int, fade_samples: int) -> NDArray[np.float64]:
     Returns
     -------
     numpy.ndarray
-        Shape (samples), 0 to 1.
+        Weight, shape (samples), 0 to 1.
     """
     weight = np.ones(samples)
     if fade_samples > 0:

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def hadamard_matrix(order: int) -> NDArray[np.float64]:
-    """Matrix of +1 and -1 with orthogonal rows.
+    """Return a matrix of +1 and -1 with orthogonal rows.
 
     Parameters
     ----------
@@ -18,17 +18,17 @@ def hadamard_matrix(order: int) -> NDArray[np.float64]:
     Returns
     -------
     numpy.ndarray
-        Shape (order, order).
+        Matrix, shape (order, order).
 
     Raises
     ------
     ValueError
-        Where none of these constructions gives the order; `nearest_hadamard_order` returns the nearest one.
+        No construction gives the order; `nearest_hadamard_order` returns the nearest possible one.
 
     Notes
     -----
     Source: Cornelis et al., ISMA 2014, Eqs. 8 and 9 (Sylvester); R. E. A. C. Paley, "On orthogonal matrices", J. Math.
-    Phys. 12 (1933), of which the fields with a prime number of elements.
+    Phys. 12 (1933), only the fields with a prime number of elements.
     """
     if not _exists(order):
         raise ValueError(
@@ -37,13 +37,13 @@ def hadamard_matrix(order: int) -> NDArray[np.float64]:
     if order == 1:
         return np.ones((1, 1))
     if order == 2 or _exists(order // 2):
-        # Sylvester first, where both exist: its rows are the ones of the paper.
+        # Sylvester first if both exist: its rows are those of the paper.
         return np.asarray(np.kron([[1.0, 1.0], [1.0, -1.0]], hadamard_matrix(order // 2)), dtype=np.float64)
     return _paley_one(order - 1) if _is_paley_one(order) else _paley_two(order // 2 - 1)
 
 
 def nearest_hadamard_order(drives: int) -> int:
-    """Smallest order with at least as many rows as there are drives.
+    """Return the smallest order with at least as many rows as there are drives.
 
     `drives`: 1 or more.
     Returns: An order that `hadamard_matrix` makes.
@@ -55,9 +55,9 @@ def nearest_hadamard_order(drives: int) -> int:
 
 
 def sign_matrix(drives: int) -> NDArray[np.float64]:
-    """Signs of each drive in each experiment: the upper rows of the nearest Hadamard matrix, with all its columns.
+    """Return the signs of each drive in each experiment: upper rows of the nearest Hadamard matrix, all columns.
 
-    The square corner alone is a trap: of order 8, its 6 by 6 corner leaves a coherence of 1/3 between drives.
+    The square corner alone is not enough: of order 8, its 6 by 6 corner leaves a coherence of 1/3 between drives.
 
     Parameters
     ----------
@@ -98,14 +98,14 @@ def _is_prime(number: int) -> bool:
 
 
 def _paley_one(prime: int) -> NDArray[np.float64]:
-    """Identity plus the bordered, skew Jacobsthal matrix."""
+    """Return the identity plus the bordered, skew Jacobsthal matrix."""
     skew = np.zeros((prime + 1, prime + 1))
     skew[0, 1:], skew[1:, 0], skew[1:, 1:] = 1.0, -1.0, _jacobsthal(prime)
     return np.eye(prime + 1) + skew
 
 
 def _paley_two(prime: int) -> NDArray[np.float64]:
-    """Symmetric conference matrix with each element replaced by a two by two block."""
+    """Return the symmetric conference matrix with each element replaced by a two by two block."""
     conference = np.zeros((prime + 1, prime + 1))
     conference[0, 1:], conference[1:, 0], conference[1:, 1:] = 1.0, 1.0, _jacobsthal(prime)
     return np.kron(conference, np.array([[1.0, 1.0], [1.0, -1.0]])) + np.kron(
@@ -114,7 +114,7 @@ def _paley_two(prime: int) -> NDArray[np.float64]:
 
 
 def _jacobsthal(prime: int) -> NDArray[np.float64]:
-    """Quadratic character of the difference of every pair: 1 for a square, -1 for none, 0 on the diagonal."""
+    """Return the quadratic character of each pair's difference: 1 for a square, -1 for none, 0 on the diagonal."""
     elements = np.arange(prime)
     character = np.full(prime, -1.0)
     character[(elements**2) % prime] = 1.0

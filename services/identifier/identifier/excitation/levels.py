@@ -1,4 +1,4 @@
-"""Levels of the drives: made exact, and refused where they pass a channel's limits."""
+"""Levels of the drives: scaled exactly, and refused if they exceed a channel's limits."""
 
 from collections.abc import Sequence
 
@@ -34,25 +34,25 @@ def check_levels(
     sample_rate: float,
     level_kind: LevelKind = LevelKind.RMS,
 ) -> None:
-    """Refuse a drive that would pass a limit of its channel, before it is played.
+    """Refuse a drive that would exceed a limit of its channel, before it is played.
 
     Parameters
     ----------
     drive
         Shape (drives, samples), each row in its channel's unit.
     channels
-        The drives in order, with minimum, maximum and, where one is stated, the slew limit.
+        Drives in order, with minimum, maximum and, if stated, the slew limit.
     levels
-        The level each was made with, in its unit.
+        Level of each drive, in its unit.
     sample_rate
-        In hertz.
+        Sample rate in hertz.
     level_kind
-        What the levels are.
+        Kind of the levels.
 
     Raises
     ------
     SettingsError
-        Where drives pass their limits; names every such drive with its peak, the limit and the level that would fit.
+        Drives exceed their limits; names every such drive with its peak, the limit and the level that would fit.
     """
     article, name = ("an", "RMS") if level_kind is LevelKind.RMS else ("a", "peak")
     offences = []
@@ -79,14 +79,14 @@ def check_levels(
 
 
 def _excess(peak: float, limit: float) -> float:
-    """Peak over limit in that direction; infinite where the limit leaves no room at all."""
+    """Return the ratio of peak to limit in that direction; infinite if the limit leaves no room."""
     if peak == 0.0:
         return 0.0
     return peak / limit if peak * limit > 0.0 else np.inf if limit == 0.0 else 0.0
 
 
 def _round_down(value: float) -> float:
-    """Three significant digits, never more than the value."""
+    """Return the value rounded down to three significant digits."""
     if value <= 0.0:
         return 0.0
     unit = 10.0 ** (np.floor(np.log10(value)) - 2.0)

@@ -1,4 +1,4 @@
-"""Multisines: which lines they have, how large these are, and the block that lines and phases make."""
+"""Multisines: their lines, the amplitudes of the lines, and the block of lines and phases."""
 
 from collections.abc import Sequence
 
@@ -14,11 +14,11 @@ from identifier.excitation.random_streams import Purpose, random_stream
 def choose_lines(
     spectrum: PowerSpectrum, *, frequency: NDArray[np.float64], odd: bool, detection_share: float, seed: int
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Choose the lines that are excited and those of the band that are left out to see distortion.
+    """Choose the excited lines, and the lines of the band that are left out to detect distortion.
 
-    Of every ``1 / detection_share`` neighbouring lines (the nearest whole number of them) that could be excited one,
-    drawn at random, is left out: evenly spread, and with no pattern that a distortion could share. The choice holds for
-    the whole experiment.
+    One of every ``1 / detection_share`` neighbouring possible lines (the nearest whole number of them), drawn at
+    random, is left out: evenly spread, without a pattern that a distortion could share. The choice is the same for the
+    whole experiment.
 
     Source: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, chapter 4.
     """
@@ -29,7 +29,7 @@ def choose_lines(
         excited[::2] = False
     if detection_share > 0.0:
         candidates = np.flatnonzero(excited)
-        # A share that leaves out none of so many lines may have an inverse that is no number.
+        # The inverse of a very small share may not be finite; bounded, it leaves out none of the lines.
         group = round(1.0 / max(detection_share, 1.0 / (candidates.size + 1)))
         groups = candidates.size // group
         drawn = random_stream(seed, Purpose.DETECTION_LINES).integers(group, size=groups)
@@ -40,13 +40,13 @@ def choose_lines(
 def line_amplitudes(
     spectra: Sequence[PowerSpectrum], *, frequency: NDArray[np.float64], excited: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
-    """Amplitudes of the sines for a block of RMS 1, whatever their phases."""
+    """Return the amplitudes of the sines for a block of RMS 1, for any phases."""
     power = np.stack([power_density(spectrum, frequency) for spectrum in spectra]) * excited
     return np.sqrt(2.0 * power / power.sum(axis=1, keepdims=True))
 
 
 def block_of(lines: NDArray[np.complex128], block_samples: int) -> NDArray[np.float64]:
-    """One period of the sum of cosines with these complex amplitudes (Eq. 7).
+    """Return one period of the sum of cosines with these complex amplitudes (Eq. 7).
 
     Source: Cornelis et al., ISMA 2014, Eq. 7.
     """

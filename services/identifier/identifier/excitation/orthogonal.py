@@ -1,4 +1,4 @@
-"""Sets of multisines: how drives and experiments share phases, and what keeps the drives apart."""
+"""Sets of multisines: the phases shared by drives and experiments, and the decorrelation of the drives."""
 
 from dataclasses import dataclass
 
@@ -14,11 +14,11 @@ from identifier.excitation.random_streams import Purpose, random_stream
 class PhaseSet:
     """Phases of one realisation: drive i in experiment c has ``rows_i mixing_ic columns_c`` at each line.
 
-    Everything in it has magnitude 1, so the amplitudes of the lines alone decide PSD and level.
+    All factors have magnitude 1, so the amplitudes of the lines alone determine PSD and level.
 
     `mixing`: Complex, shape (drives, experiments); orthogonal rows make `S_uu` diagonal over the set. `rows`: Complex,
-    shape (drives or 1, 1, lines); 1 where all drives share one block. `columns`: Complex, shape (1, experiments or 1,
-    lines); 1 where the experiments have no phases of their own.
+    shape (drives or 1, 1, lines); 1 if all drives share one block. `columns`: Complex, shape (1, experiments or 1,
+    lines); 1 if the experiments share their phases.
     """
 
     mixing: NDArray[np.complex128]
@@ -26,7 +26,7 @@ class PhaseSet:
     columns: NDArray[np.complex128]
 
     def lines(self, amplitude: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Complex amplitudes of every drive in every experiment.
+        """Return the complex amplitudes of every drive in every experiment.
 
         `amplitude`: Shape (drives, lines).
         Returns: Shape (drives, experiments, lines).
@@ -35,18 +35,18 @@ class PhaseSet:
 
 
 def dft_matrix(order: int) -> NDArray[np.complex128]:
-    """Matrix of the roots of unity, with orthogonal rows for every order.
+    """Return the matrix of the roots of unity, with orthogonal rows for every order.
 
     `order`: 1 or more.
     Returns: Complex, shape (order, order).
     """
     index = np.arange(order)
-    # The product is reduced before it becomes an angle, so that high orders lose no digits.
+    # The product is reduced before the conversion to an angle, so that high orders lose no digits.
     return np.exp(2j * np.pi * ((index[:, None] * index[None, :]) % order) / order)
 
 
 def experiments_of(kind: ExcitationKind, drives: int) -> int:
-    """Experiments in one realisation of a multisine kind."""
+    """Return the number of experiments in one realisation of a multisine kind."""
     if kind is ExcitationKind.PSEUDO_RANDOM:
         return 1
     return nearest_hadamard_order(drives) if kind is ExcitationKind.HADAMARD else drives
@@ -57,8 +57,8 @@ def draw_phases(kind: ExcitationKind, *, drives: int, lines: int, realisation: i
 
     `kind`: A multisine kind. `RANDOM_ORTHOGONAL` is ``D_row(e^{j phi}) W D_col(e^{j psi})`` with `W` the DFT matrix,
     which exists for every number of drives, and new `phi` and `psi` for each realisation. `drives`: 1 or more. `lines`:
-    Of the block grid. `realisation`: 0 or more. `seed`: Of the experiment.
-    Returns: With phases uniform on the circle.
+    Number of lines of the block grid. `realisation`: 0 or more. `seed`: Seed of the experiment.
+    Returns: Phase set with phases uniform on the circle.
     Source: Dobrowiecki & Schoukens, "Measuring a linear approximation to weakly nonlinear MIMO systems", Automatica 43
     (2007); Cornelis et al., ISMA 2014, Eqs. 8 and 9, for the signs.
     """

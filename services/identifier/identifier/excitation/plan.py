@@ -1,4 +1,4 @@
-"""Plan of an experiment: duration and results, known before anything moves."""
+"""Plan of an experiment: duration and results, known before any motion."""
 
 import math
 from dataclasses import dataclass
@@ -14,24 +14,24 @@ class ExperimentPlan:
     Parameters
     ----------
     duration_seconds, samples
-        Of the whole drive.
+        Duration in seconds and number of samples of the whole drive.
     realisations
-        Sets of independent phases; 1 where the excitation is not periodic.
+        Number of sets of independent phases; 1 if the excitation is not periodic.
     experiments_per_realisation
-        Columns of the decorrelation matrix; where the excitation is not periodic, its uninterrupted stretches.
+        Number of columns of the decorrelation matrix; if the excitation is not periodic, of its captures.
     periods
-        Used of each experiment each time it is played; 0 where the excitation is not periodic.
+        Number of used periods of each experiment each time it is played; 0 if the excitation is not periodic.
     delay_seconds_share
-        Share of the duration that is played but not used, delays and fades, 0 to 1.
+        Share of the duration that is played but not used (delays and fades), 0 to 1.
     blocks
-        Averaged.
+        Number of averaged blocks.
     independent_averages
-        Equivalent independent blocks, overlap and window accounted for; of multisines each capture counts once, however
-        many periods it has, since they hold the same distortion.
+        Equivalent independent blocks, with overlap and window taken into account; for multisines each capture counts
+        once, for any number of periods, because they hold the same distortion.
     frequency_resolution
         Distance of neighbouring lines, in hertz.
     lines
-        Number of lines that are excited.
+        Number of excited lines.
     """
 
     duration_seconds: float
@@ -47,26 +47,26 @@ class ExperimentPlan:
 
 
 def plan_experiment(settings: ExperimentSettings, *, drives: int, sample_rate: float) -> ExperimentPlan:
-    """Say what an experiment takes and gives, without making its drive.
+    """Return duration and results of an experiment, without making its drive.
 
     Parameters
     ----------
     settings
-        Valid when constructed.
+        Settings, valid when constructed.
     drives
-        Of the rig, 1 or more.
+        Number of drives of the rig, 1 or more.
     sample_rate
-        Of the rig, in hertz.
+        Sample rate of the rig, in hertz.
 
     Returns
     -------
     ExperimentPlan
-        Of the drive that `design_experiment` makes.
+        Plan of the drive that `design_experiment` makes.
 
     Raises
     ------
     SettingsError
-        Where the settings do not fit the rig.
+        The settings do not fit the rig.
     """
     layout = schedule_experiment(settings, drives=drives, sample_rate=sample_rate)
     blocks, independent = averages_of(layout)
@@ -88,26 +88,26 @@ def plan_experiment(settings: ExperimentSettings, *, drives: int, sample_rate: f
 
 
 def shortest_delay_seconds(*, natural_frequency: float, damping_ratio: float, remainder: float) -> float:
-    """Time after which the transient of a mode has died out.
+    """Return the time after which the transient of a mode has decayed.
 
     Parameters
     ----------
     natural_frequency
-        Of the mode that dies out slowest, in hertz, greater than 0.
+        Frequency of the mode with the slowest decay, in hertz, greater than 0.
     damping_ratio
-        Of that mode, above 0 and below 1.
+        Damping ratio of that mode, above 0 and below 1.
     remainder
-        Share of the transient that may be left, above 0 and below 1.
+        Share of the transient that may remain, above 0 and below 1.
 
     Returns
     -------
     float
-        ``ln(1 / remainder) / (zeta omega_n)``, in seconds: what the delay blocks must last at least.
+        ``ln(1 / remainder) / (zeta omega_n)``, in seconds: shortest duration of the delay blocks.
 
     Raises
     ------
     ValueError
-        Where a value is not allowed.
+        A value is not allowed.
     """
     if not (0.0 < natural_frequency < math.inf and 0.0 < damping_ratio < 1.0 and 0.0 < remainder < 1.0):
         raise ValueError(

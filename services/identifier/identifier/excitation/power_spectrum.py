@@ -17,12 +17,12 @@ def white(lowest_frequency: float, highest_frequency: float) -> WhitePinkSpectru
     Returns
     -------
     WhitePinkSpectrum
-        Whose corner is the upper edge.
+        Spectrum with its corner at the upper edge.
 
     Raises
     ------
     ValueError
-        If the band is not valid.
+        The band is not valid.
     """
     return WhitePinkSpectrum(
         lowest_frequency=lowest_frequency,
@@ -35,10 +35,10 @@ def white(lowest_frequency: float, highest_frequency: float) -> WhitePinkSpectru
 def power_density(spectrum: PowerSpectrum, frequency: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the shape of a PSD; its scale is set by the drive's level.
 
-    A table is straight on logarithmic axes between its points, as test specifications draw a PSD: a constant number of
-    decibels per octave.
+    A table is linear on logarithmic axes between its points, as in test specifications: a constant number of decibels
+    per octave.
 
-    `spectrum`: Flat and falling, or a table. `frequency`: Shape (lines), in hertz.
+    `spectrum`: White-pink spectrum, or a table. `frequency`: Shape (lines), in hertz.
     Returns: Shape (lines), 0 outside the band; 1 on the flat part, or in the unit of the table.
     """
     inside = in_band(spectrum, frequency)
@@ -52,5 +52,5 @@ def power_density(spectrum: PowerSpectrum, frequency: NDArray[np.float64]) -> ND
 
 
 def in_band(spectrum: PowerSpectrum, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Whether each frequency lies in a spectrum's band."""
+    """Return whether each frequency is in a spectrum's band."""
     return (frequency >= spectrum.lowest_frequency) & (frequency <= spectrum.highest_frequency)

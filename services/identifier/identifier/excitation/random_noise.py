@@ -22,9 +22,9 @@ def pure_random(
     sample_rate: float,
     seed: int,
 ) -> NDArray[np.float64]:
-    """Gaussian noise shaped to a PSD, independent for every drive.
+    """Return Gaussian noise shaped to a PSD, independent for every drive.
 
-    Every line of the record gets a complex Gaussian amplitude, so only the fades reaches beyond the band.
+    Every line of the record gets a complex Gaussian amplitude, so only the fades add content beyond the band.
 
     Parameters
     ----------
@@ -37,9 +37,9 @@ def pure_random(
     fade_samples
         Samples of the linear fade at either end, 0 up to less than half the record.
     sample_rate
-        In hertz, greater than 0.
+        Sample rate in hertz, greater than 0.
     seed
-        Root of one independent stream per drive; a drive's stream does not depend on how many others there are.
+        Root of one independent stream per drive; a drive's stream does not depend on the number of drives.
 
     Returns
     -------
@@ -49,7 +49,7 @@ def pure_random(
     Raises
     ------
     ValueError
-        Where the record is shorter than its fades or than one period of the band.
+        The record is shorter than its fades or than one period of the band.
 
     Notes
     -----
@@ -72,7 +72,7 @@ def pure_random(
 def shaped_noise(
     spectrum: PowerSpectrum, *, samples: int, sample_rate: float, generator: np.random.Generator
 ) -> NDArray[np.float64]:
-    """Gaussian noise whose PSD has a given shape; its scale means nothing."""
+    """Return Gaussian noise whose PSD has a given shape; its scale has no meaning."""
     density = power_density(spectrum, line_frequencies(samples, sample_rate))
     if not density.any():
         raise ValueError(

@@ -8,7 +8,7 @@ import numpy as np
 class Purpose(IntEnum):
     """Purpose of a random stream: the first number of its key.
 
-    Pure random, which draws nothing else, has the drive's number in its place.
+    Pure random, which draws nothing else, has the drive's number instead.
     """
 
     DRIVE_PHASES = 1

@@ -15,32 +15,32 @@ from identifier.excitation.settings import ExperimentSettings
 from identifier.layout import Capture, Layout, Window
 
 AVERAGES_PER_DRIVE = 2
-"""Independent averages of random drives needed for each; with as many as drives S_uu is singular by chance alone."""
+"""Independent averages needed for each random drive; with as many averages as drives S_uu may be singular."""
 
 _DURATION, _FADE = "excitation.duration", "excitation.fade"
 
 
 def schedule_experiment(settings: ExperimentSettings, *, drives: int, sample_rate: float) -> Layout:
-    """Lay an experiment out in time and frequency.
+    """Return the layout of an experiment in time and frequency.
 
     Parameters
     ----------
     settings
-        Valid when constructed.
+        Settings, valid when constructed.
     drives
-        Of the rig, 1 or more.
+        Number of drives of the rig, 1 or more.
     sample_rate
-        Of the rig, in hertz.
+        Sample rate of the rig, in hertz.
 
     Returns
     -------
     Layout
-        Of the drive that `design_experiment` makes.
+        Layout of the drive that `design_experiment` makes.
 
     Raises
     ------
     SettingsError
-        Where levels, band, lines, fades or duration do not fit the rig or would not identify it.
+        Levels, band, lines, fades or duration do not fit the rig or would not identify it.
     """
     _check_drives(settings, drives)
     excited, detection = _lines(settings, sample_rate)
@@ -69,11 +69,11 @@ def schedule_experiment(settings: ExperimentSettings, *, drives: int, sample_rat
 
 
 def averages_of(layout: Layout) -> tuple[int, float]:
-    """Count the blocks that a layout gives and what they are worth.
+    """Return the number of blocks of a layout, and of equivalent independent ones.
 
-    `layout`: Of an experiment.
-    Returns: Averaged (Eq. 10). Equivalent independent ones, overlap and window accounted for. Of periodic excitations
-    each capture counts once: its periods average noise, but hold the same distortion.
+    `layout`: Layout of an experiment.
+    Returns: Averaged blocks (Eq. 10), and equivalent independent ones with overlap and window taken into account. Of
+    periodic excitations each capture counts once: its periods average noise, but hold the same distortion.
     """
     block = layout.block_samples
     counts = [count_blocks(layout.samples_of(capture), block, layout.overlap) for capture in layout.captures]
@@ -84,7 +84,7 @@ def averages_of(layout: Layout) -> tuple[int, float]:
 
 
 def burst_samples(settings: ExperimentSettings) -> int:
-    """Count the samples of a burst or sweep, its fades included."""
+    """Return the number of samples of a burst or sweep, including its fades."""
     return round(settings.burst_share * settings.block_samples)
 
 
@@ -150,7 +150,7 @@ def _pure_random(settings: ExperimentSettings, drives: int, sample_rate: float) 
     window, hop, needed = hann_periodic(block), hop_samples(block, settings.overlap), AVERAGES_PER_DRIVE * drives
     averages = independent_averages(window, hop, blocks)
     if averages < needed:
-        # A long record holds the fewest independent averages per block, so its ratio is always enough.
+        # A long record has the fewest independent averages per block, so its ratio is always sufficient.
         long_record = 10**9
         enough = math.ceil(needed * long_record / independent_averages(window, hop, long_record))
         least = ((enough - 1) * hop + block + 2 * fade) / sample_rate
@@ -206,7 +206,7 @@ def _multisine(settings: ExperimentSettings, drives: int, sample_rate: float) ->
     columns = experiments_of(settings.kind, drives)
     realisation = settings.repeats * columns * (delay + used)
     fitting = (settings.samples(sample_rate) - fade) // realisation
-    # Independent phases make S_uu regular only once there are as many draws as drives.
+    # Independent phases make S_uu regular only with at least as many draws as drives.
     least = drives if settings.kind is ExcitationKind.PSEUDO_RANDOM else 1
     wanted = max(fitting, 0) if settings.realisations is None else settings.realisations
     if wanted > fitting or wanted < least:

@@ -1,18 +1,18 @@
-"""An excitation with the blocks that it is made for."""
+"""Settings of an excitation and of its blocks."""
 
 from duralab_settings import BlockSettings, ResolvedExcitation
 
 
 class ExperimentSettings(ResolvedExcitation, BlockSettings):
-    """The excitation of one experiment, and the blocks that its record is cut into; see `ResolvedExcitation`."""
+    """Settings of the excitation of one experiment, and of the blocks of its record; see `ResolvedExcitation`."""
 
     def samples(self, sample_rate: float) -> int:
-        """Count the samples of the duration.
+        """Return the number of samples of the duration.
 
         Parameters
         ----------
         sample_rate
-            In hertz.
+            Sample rate in hertz.
 
         Returns
         -------
@@ -22,12 +22,12 @@ class ExperimentSettings(ResolvedExcitation, BlockSettings):
         return round(self.duration * sample_rate)
 
     def fade_samples(self, sample_rate: float) -> int:
-        """Count the samples of one fade.
+        """Return the number of samples of one fade.
 
         Parameters
         ----------
         sample_rate
-            In hertz.
+            Sample rate in hertz.
 
         Returns
         -------

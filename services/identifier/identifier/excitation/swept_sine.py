@@ -1,4 +1,4 @@
-"""Swept sine: one sweep per block, slow where the PSD is high, with signs that keep the drives apart."""
+"""Swept sine: one sweep per block, slow where the PSD is high, with signs that decorrelate the drives."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ from identifier.excitation.hadamard import sign_matrix
 from identifier.excitation.power_spectrum import power_density
 
 _STEPS = 4096
-"""Frequencies at which the time of passing is computed; between them it is nearly straight."""
+"""Number of frequencies at which the passing time is computed; between them it is nearly linear."""
 
 
 def swept_sine(
@@ -23,9 +23,9 @@ def swept_sine(
     fade_samples: int,
     sample_rate: float,
 ) -> NDArray[np.float64]:
-    """Sweeps of all drives at once, each block with the signs of one column of a Hadamard matrix.
+    """Return sweeps of all drives at once, each block with the signs of one column of a Hadamard matrix.
 
-    Over a whole set of columns the drives are orthogonal whatever their sweeps, so `S_uu` is diagonal.
+    Over a whole set of columns the drives are orthogonal for any sweeps, so `S_uu` is diagonal.
     """
     block = np.zeros((len(spectra), block_samples))
     fades = linear_fades(sweep_samples, fade_samples)
@@ -39,10 +39,10 @@ def swept_sine(
 
 
 def _phase(spectrum: PowerSpectrum, *, samples: int, held: int, sample_rate: float) -> NDArray[np.float64]:
-    """Phase of one sweep of constant amplitude, in radians, with its first and last frequency held.
+    """Return the phase of one sweep of constant amplitude, in radians, with its first and last frequency held.
 
-    The energy that a sine of constant amplitude leaves at a frequency is proportional to the time it spends there
-    (stationary phase), so the time of passing a frequency is the integral of the PSD up to it.
+    The energy of a sine of constant amplitude at a frequency is proportional to the time that it spends there
+    (stationary phase), so the passing time of a frequency is the integral of the PSD up to it.
     """
     frequency = np.linspace(spectrum.lowest_frequency, spectrum.highest_frequency, _STEPS)
     density = power_density(spectrum, frequency)

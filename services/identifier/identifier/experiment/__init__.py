@@ -1,4 +1,4 @@
-"""One experiment with a rig: its settings, whether they fit the rig, its drive, and the estimate from its record."""
+"""One experiment with a rig: its settings, their check against the rig, its drive, and the estimate from its record."""
 
 from identifier.experiment.estimate import estimate_experiment
 from identifier.experiment.rig_under_test import RigUnderTest, check_against_rig, make_experiment, with_names

@@ -1,4 +1,4 @@
-"""From the record of a playback to the estimate."""
+"""Estimate from the record of a playback."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,18 +12,18 @@ from identifier.layout import Layout
 def estimate_experiment(
     settings: EstimatorSettings, layout: Layout, *, drive: ArrayLike, response: ArrayLike
 ) -> FrfEstimate:
-    """Estimate the FRF matrix from what was played and measured.
+    """Estimate the FRF matrix from the played drive and the measured response.
 
-    Each channel's own mean over the samples that are used is taken off, not the description's static response: under
-    excitation the mean moves away from the value at rest (friction, asymmetric dampers, bump stops), and a real
-    transducer's zero drifts; the FRF describes the motion about that working point.
+    Each channel's own mean over the used samples is subtracted, not the description's static response: under excitation
+    the mean moves away from the value at rest (friction, asymmetric dampers, bump stops), and a real transducer's zero
+    drifts; the FRF describes the motion about that working point.
 
     Parameters
     ----------
     settings
-        The estimator.
+        Settings of the estimator.
     layout
-        Of the drive.
+        Layout of the drive.
     drive
         Shape (drives, samples), as played, fades and delays included.
     response
@@ -32,12 +32,12 @@ def estimate_experiment(
     Returns
     -------
     FrfEstimate
-        At the lines that were excited.
+        Estimate at the excited lines.
 
     Raises
     ------
     ValueError
-        Where the records do not agree or do not identify the rig; see `estimate`.
+        The records do not agree or do not identify the rig; see `estimate`.
     """
     played, measured = as_record(drive, name="drive"), as_record(response, name="response")
     of_drives, of_responses = _means(played, layout), _means(measured, layout)

@@ -1,4 +1,4 @@
-"""The rig an experiment is for, whether the experiment fits it, and the drive within its limits."""
+"""Rig of an experiment, the check of the experiment against it, and the drive within its limits."""
 
 import re
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from identifier.experiment.settings import IdentificationSettings
 from identifier.experiment.static_gain import static_samples, with_static_steps
 
 LARGEST_AVERAGED_SAMPLES = 2**28
-"""Blocks times samples of a block: about half a minute of transforms."""
+"""Largest product of blocks and samples of a block: about half a minute of transforms."""
 
 
 @dataclass(frozen=True)
@@ -25,15 +25,15 @@ class RigUnderTest:
     Parameters
     ----------
     name
-        As in its keys.
+        Name as in its keys.
     sample_rate
-        The only one it plays, in hertz.
+        Sample rate that it plays, in hertz.
     drives, responses
         Channels in the rig's order.
     longest_drive_seconds
-        Longest drive it plays.
+        Longest drive, in seconds.
     content_hash
-        Of everything that decides what it answers.
+        Hash of everything that determines its response.
     """
 
     name: str
@@ -45,22 +45,22 @@ class RigUnderTest:
 
     @classmethod
     def from_message(cls, description: rig_pb2.RigDescription) -> "RigUnderTest":
-        """Take what is needed from a rig's description.
+        """Return the needed properties from a rig's description.
 
         Parameters
         ----------
         description
-            As the rig answered it.
+            Description as the rig answered it.
 
         Returns
         -------
         RigUnderTest
-            The same, as a value.
+            Properties as a value.
 
         Raises
         ------
         ValueError
-            Where the description cannot be worked with.
+            The description cannot be used.
         """
         if not (np.isfinite(description.sample_rate) and description.sample_rate > 0.0):
             raise ValueError(
@@ -83,10 +83,10 @@ class RigUnderTest:
 
 
 def with_names(sentence: str, rig: RigUnderTest) -> str:
-    """Put the names of channels for their numbers, which is all that estimators know of them.
+    """Replace the numbers of channels in a sentence, which estimators use, by their names.
 
-    `sentence`: Of an estimator, e.g. "response 1 stays at 0". `rig`: Whose channels they are.
-    Returns: The same with names.
+    `sentence`: Sentence of an estimator, e.g. "response 1 stays at 0". `rig`: Rig with the channels.
+    Returns: The sentence with names.
     """
 
     def name(match: re.Match[str]) -> str:
@@ -102,15 +102,15 @@ def check_against_rig(settings: IdentificationSettings, rig: RigUnderTest) -> No
     Parameters
     ----------
     settings
-        Valid when constructed.
+        Settings, valid when constructed.
     rig
-        What it is for.
+        Rig of the experiment.
 
     Raises
     ------
     SettingsError
-        Where the number of levels, the duration, the blocks or the estimator do not fit the rig. What follows from the
-        excitation alone (lines, averages, realisations) `schedule_experiment` refuses.
+        The number of levels, the duration, the blocks or the estimator do not fit the rig. Errors of the excitation
+        alone (lines, averages, realisations) are found by `schedule_experiment`.
     """
     excitation = settings.excitation
     if len(excitation.levels) != len(rig.drives):
@@ -156,19 +156,19 @@ def make_experiment(settings: ExperimentSettings, rig: RigUnderTest) -> Experime
     Parameters
     ----------
     settings
-        Checked against the rig, see `check_against_rig`.
+        Settings checked against the rig, see `check_against_rig`.
     rig
-        What it is for.
+        Rig of the experiment.
 
     Returns
     -------
     Experiment
-        Drive and layout; behind the layout's samples the drive has the holds of the static gain, where it is measured.
+        Drive and layout; if the static gain is measured, its holds follow the layout's samples.
 
     Raises
     ------
     SettingsError
-        Where a drive would pass a limit.
+        A drive would exceed a limit.
     """
     experiment = design_experiment(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
     drive = with_static_steps(experiment.drive, settings, sample_rate=rig.sample_rate)

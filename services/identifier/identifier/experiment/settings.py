@@ -13,13 +13,13 @@ class IdentificationSettings:
     Parameters
     ----------
     excitation
-        What is played, for how long, in which blocks.
+        Played excitation, its duration and blocks.
     estimator
-        How the record becomes a model.
+        Estimator of the model.
     learn_drive_map
         Whether a drive map is learned from the record.
     response_weight
-        Weight of each response in that, 0 or more; None: one over its RMS in the record.
+        Weight of each response in learning the map; None: one over its RMS in the record.
     """
 
     excitation: ExperimentSettings

@@ -1,4 +1,4 @@
-"""The static gain: each drive alone is held up and down behind the rest of an experiment, and the responses settle."""
+"""Static gain: each drive alone is held up and down after the rest of an experiment until the responses settle."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from identifier.estimators import FrfEstimate, ModelWarning, WarningCode
 from identifier.excitation import ExperimentSettings
 
-# Time of a change by the held value: slow beside what a rig's drives follow, and short beside a hold.
+# Rise time of a hold: slow compared with what a rig's drives can follow, and short compared with a hold.
 _RISE_SECONDS: Final = 0.5
-# Of a response's largest step: more change within the used half of a hold has not settled.
+# Share of a response's largest step: with more change in the used half of a hold it has not settled.
 _SETTLED_SHARE: Final = 0.02
-# Of a response's largest step: a greater difference to the FRF at the lowest line is reported.
+# Share of a response's largest step: a greater difference to the FRF at the lowest line is reported.
 _CONSISTENT_SHARE: Final = 0.2
 
 
@@ -33,7 +33,7 @@ class StaticGain:
 
 
 def static_samples(settings: ExperimentSettings, *, drives: int, sample_rate: float) -> int:
-    """Return how many samples the holds take; 0 where the static gain is not measured."""
+    """Return the number of samples of the holds; 0 if the static gain is not measured."""
     if settings.static_hold == 0.0:
         return 0
     return drives * (4 * _rise_samples(sample_rate) + 2 * _hold_samples(settings, sample_rate))
@@ -58,10 +58,10 @@ def with_static_steps(
 def measured_static_gain(
     drive: NDArray[np.float64], response: NDArray[np.float64], settings: ExperimentSettings, *, sample_rate: float
 ) -> StaticGain | None:
-    """Return the static gain from a whole record, or None where there are no holds.
+    """Return the static gain from a whole record, or None if there are no holds.
 
-    The second half of each hold is averaged. Up less down, so that what the rig carries at rest is no part of the gain,
-    and friction acts on both alike.
+    The second half of each hold is averaged. The difference of up and down is used, so that the rig's load at rest has
+    no effect on the gain, and friction acts on both equally.
     """
     drives = drive.shape[0]
     total = static_samples(settings, drives=drives, sample_rate=sample_rate)
@@ -87,7 +87,7 @@ def measured_static_gain(
 
 
 def static_warnings(static: StaticGain | None, estimate: FrfEstimate, *, hold: float) -> tuple[ModelWarning, ...]:
-    """Warn of responses that had not settled, and of those whose static gain does not continue the FRF."""
+    """Warn of responses that have not settled, and of those whose static gain does not continue the FRF."""
     if static is None:
         return ()
     warnings: list[ModelWarning] = []
@@ -124,5 +124,5 @@ def _rise_samples(sample_rate: float) -> int:
 
 
 def _hold_samples(settings: ExperimentSettings, sample_rate: float) -> int:
-    # A quarter of a hold is the least that is averaged.
+    # At least a quarter of a hold is averaged.
     return max(4, round(settings.static_hold * sample_rate))

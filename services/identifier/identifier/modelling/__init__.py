@@ -1,4 +1,4 @@
-"""Models of rigs: built from estimates, as values and as messages, named by the hash of their content, and held."""
+"""Models of rigs: built from estimates, as values and as messages, named by the hash of their content, and cached."""
 
 from identifier.modelling.building import distortion_of, model_of, plan_message
 from identifier.modelling.cache import ModelCache

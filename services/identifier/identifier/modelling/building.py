@@ -1,4 +1,4 @@
-"""From what was asked, played and estimated to a model, with its plan, warnings and verdicts."""
+"""Build of a model from request, playback and estimate, with its plan, warnings and verdicts."""
 
 from typing import Final
 
@@ -41,10 +41,10 @@ _WARNING_CODES: Final = {
 
 
 def plan_message(settings: ExperimentSettings, *, rig: RigUnderTest, band: ValidBand) -> identifier_pb2.ExperimentPlan:
-    """Say what an experiment takes and gives.
+    """Return duration and results of an experiment as a message.
 
-    `settings`: Checked against the rig. `rig`: What it is for. `band`: Where its model will be valid.
-    Returns: As a message.
+    `settings`: Checked against the rig. `rig`: Rig of the experiment. `band`: Valid band of its model.
+    Returns: Plan as a message.
     """
     plan = plan_experiment(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
     holds = static_samples(settings, drives=len(rig.drives), sample_rate=rig.sample_rate)
@@ -147,9 +147,9 @@ def model_of(
 def distortion_of(drive: NDArray[np.float64], response: NDArray[np.float64], layout: Layout) -> DistortionLevels | None:
     """Separate noise and distortion if the experiment allows it.
 
-    `drive`: Shape (drives, samples), as played. `response`: Shape (responses, samples), as measured. `layout`: Of the
-    drive.
-    Returns: None where it does not.
+    `drive`: Shape (drives, samples), as played. `response`: Shape (responses, samples), as measured. `layout`: Layout
+    of the drive.
+    Returns: None if the experiment does not allow it.
     """
     return separate_distortion(drive, response, layout) if can_separate(layout, drives=drive.shape[0]) else None
 
@@ -170,7 +170,7 @@ def _warning(warning: ModelWarning, rig: RigUnderTest) -> identifier_pb2.ModelWa
 def _level_warnings(
     estimate: FrfEstimate, *, rig: RigUnderTest, levels: DistortionLevels | None
 ) -> list[identifier_pb2.ModelWarning]:
-    """Warn where the level ruined the model; an experiment without degrees of freedom does not show it."""
+    """Warn if the level ruined the model; an experiment without degrees of freedom does not show it."""
     drives = len(rig.drives)
     held = estimate.valid & (estimate.degrees_of_freedom > 0.0)
     if not held.any():

@@ -1,4 +1,4 @@
-"""The models that a running identifier can still hand out."""
+"""Cache of the models that a running identifier can return."""
 
 import threading
 from collections import OrderedDict
@@ -7,10 +7,10 @@ from duralab_proto.v1 import identifier_pb2
 
 
 class ModelCache:
-    """Cache of the models used last; the log, not this, is the memory of the lab.
+    """Cache of the most recently used models; the recorder stores all models, this cache does not.
 
-    `capacity`: Models held, 1 or more.
-    Raises `ValueError`: Where the capacity is below 1.
+    `capacity`: Number of cached models, 1 or more.
+    Raises `ValueError`: The capacity is below 1.
     """
 
     def __init__(self, capacity: int) -> None:
@@ -24,9 +24,9 @@ class ModelCache:
         return len(self._models)
 
     def put(self, model: identifier_pb2.Model) -> None:
-        """Hold a model; drop the least recently used one if the cache is full.
+        """Add a model; drop the least recently used one if the cache is full.
 
-        `model`: With its id.
+        `model`: Model with its id.
         """
         with self._lock:
             self._models[model.id] = model
@@ -38,7 +38,7 @@ class ModelCache:
         """Look up a model.
 
         `id`: Hash of its content.
-        Returns: None where it is not held.
+        Returns: None if it is not cached.
         """
         with self._lock:
             model = self._models.get(id)

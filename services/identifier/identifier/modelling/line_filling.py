@@ -1,4 +1,4 @@
-"""The lines that an odd multisine leaves out, filled from their neighbours; and the band in which a model is valid."""
+"""Interpolation of the lines that an odd multisine leaves out, and the valid band of a model."""
 
 from dataclasses import dataclass
 
@@ -12,11 +12,11 @@ from identifier.uncertainty import ValidBand, row_covariance
 
 @dataclass(frozen=True)
 class FilledLines:
-    """Estimate at every line of its band. All but `interpolated` are 0 outside it.
+    """Estimate at every line of its band. All except `interpolated` are 0 outside it.
 
     `frf`: Complex, shape (lines, responses, drives). `coherence`: Shape (lines, responses). `condition_number`: Shape
     (lines). `residual_psd`: Shape (lines, responses). `row_covariance`: Complex, shape (lines, drives, drives), see the
-    function of that name. `interpolated`: Shape (lines): laid straight between the neighbours in place of estimated.
+    function of that name. `interpolated`: Shape (lines): linearly interpolated, not estimated.
     """
 
     frf: NDArray[np.complex128]
@@ -30,8 +30,8 @@ class FilledLines:
 def valid_band(layout: Layout) -> ValidBand:
     """Return the band in which the model of an experiment will be valid.
 
-    `layout`: Of the experiment.
-    Returns: From the lower to the upper edge of the excitation; where lines next to an edge are left out, from the
+    `layout`: Layout of the experiment.
+    Returns: Band from the lower to the upper edge of the excitation; if lines next to an edge are left out, from the
     first or to the last excited line.
     """
     excited = np.flatnonzero(layout.excited)
@@ -45,10 +45,10 @@ def valid_band(layout: Layout) -> ValidBand:
 
 
 def fill_lines(estimate: FrfEstimate) -> FilledLines:
-    """Fill the lines between estimated ones.
+    """Interpolate the lines between estimated ones.
 
     `estimate`: Valid at one line or more.
-    Returns: The estimate itself where nothing is left out.
+    Returns: The estimate itself if no lines are left out.
     """
     known = np.flatnonzero(estimate.valid)
     wanted = np.arange(known[0], known[-1] + 1)

@@ -1,4 +1,4 @@
-"""The drive map of an identification: learned from its record, with the FRF estimated again on mapped drives."""
+"""Drive map of an identification: learned from its record, with the FRF estimated again on mapped drives."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ class EstimatedFrf:
 
     @classmethod
     def of(cls, estimate: FrfEstimate) -> "EstimatedFrf":
-        """Fill the lines that the excitation leaves out."""
+        """Interpolate the lines that the excitation leaves out."""
         known = np.flatnonzero(estimate.valid)
         return cls(estimate, fill_lines(estimate).frf, slice(int(known[0]), int(known[-1]) + 1))
 
@@ -44,10 +44,10 @@ def learn_map(
 ) -> LearnedDriveMap[EstimatedFrf]:
     """Learn the drive map of a rig from the record of its identification.
 
-    `drive`, `response`: Shapes (drives, samples) and (responses, samples), as played and measured. `estimate`: On the
-    drives as they are. `estimate_again`: On mapped drives and the same response; may raise ValueError.
-    `response_weight`: Shape (responses), 0 or more.
-    Returns: The identity with the estimate as given, and a remark, where the map that was chosen is of no use.
+    `drive`, `response`: Shapes (drives, samples) and (responses, samples), as played and measured. `estimate`: Estimate
+    on the played drives. `estimate_again`: Function for an estimate on mapped drives and the same response; may raise
+    ValueError. `response_weight`: Shape (responses), 0 or more.
+    Returns: The identity with the given estimate, and a remark, if the chosen map cannot be used.
     """
     learned = learn_drive_map(
         drive,
@@ -57,7 +57,7 @@ def learn_map(
         units=tuple(channel.unit for channel in rig.drives),
         response_weight=response_weight,
         estimate=lambda mapped: EstimatedFrf.of(estimate_again(mapped)),
-        # A force-controlled drive moves along an arc as it is.
+        # A force-controlled drive moves along an arc without a map.
         may_follow=[channel.kind == array_pb2.CHANNEL_KIND_DISPLACEMENT for channel in rig.drives],
     )
     beyond = [

@@ -1,4 +1,4 @@
-"""An identified rig as a value, and as the contract's Model with the hash of its content as its name."""
+"""An identified rig as a value, and as the contract's Model, named by the hash of its content."""
 
 from dataclasses import dataclass, replace
 
@@ -20,11 +20,11 @@ class IdentifiedModel:
     Parameters
     ----------
     rig
-        The rig's name.
+        Name of the rig.
     drives, responses
-        The inputs and outputs of ``H``, in order.
+        Inputs and outputs of ``H``, in order.
     sample_rate
-        In hertz.
+        Sample rate in hertz.
     frequency
         Shape (lines), in hertz, from 0 to half the sample rate.
     frf
@@ -34,46 +34,46 @@ class IdentifiedModel:
     condition_number
         Shape (lines), 1 or more in the band.
     residual_psd
-        Shape (lines, responses), unit squared per Hz: what the drives do not explain; 0 outside the band, as the next.
+        Shape (lines, responses), unit squared per Hz: unexplained by the drives; 0 outside the band, as the next.
     row_covariance
         Complex, shape (lines, drives, drives): covariance of a row of `frf` for a residual of 1.
     interpolated
-        Shape (lines): where all of the above was laid between neighbouring lines.
+        Shape (lines): lines at which all of the above was interpolated.
     band
-        Where it is valid.
+        Valid band.
     drive_psd
         Shape (lines, drives), unit squared per Hz.
     response_psd
         Shape (lines, responses), unit squared per Hz.
     excitation, estimator
-        As they were asked for.
+        As requested.
     blocks
-        Blocks averaged (Eq. 10).
+        Number of averaged blocks (Eq. 10).
     independent_averages
         Equivalent independent averages.
     rig_content_hash
-        Of the rig it was identified on.
+        Hash of the identified rig.
     run
-        The playback it was made from.
+        Playback of the identification.
     signal_epoch, signal_blocks
         Epoch and number of that playback's signal blocks.
     plan
-        What the experiment took and gave.
+        Duration and results of the experiment.
     warnings
-        What is suspicious.
+        Warnings about the record and the estimate.
     verdicts
-        How linear each response is, as text.
+        Linearity of each response, as text.
     distortion
-        Noise and nonlinear distortion apart; None where the experiment does not distinguished.
+        Noise and nonlinear distortion separately; None if the experiment does not separate them.
     drive_map
-        Change of drive coordinates, which ``H`` goes with; None where none was asked for.
+        Change of drive coordinates for ``H``; None if not requested.
     response_damage
         Shape (responses, 3), unit^slope: pseudo-damage of each response over the whole run, as measured, for S-N lines
         of slope 3, 5 and 8; None in a model of an older recording.
     static_gain
-        Shape (responses, drives), response unit per drive unit; None where the experiment does not measure it.
+        Shape (responses, drives), response unit per drive unit; None if the experiment does not measure it.
     id
-        Hash of all the rest; empty before `with_id`.
+        Hash of all other fields; empty before `with_id`.
     """
 
     rig: str
@@ -108,7 +108,7 @@ class IdentifiedModel:
     id: str = ""
 
     def to_mapped(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return what ``H`` is applied to for a drive.
+        """Return the input of ``H`` for a drive.
 
         Parameters
         ----------
@@ -118,7 +118,7 @@ class IdentifiedModel:
         Returns
         -------
         NDArray
-            The mapped drive, of the same shape; the drive itself where there is no map.
+            Mapped drive of the same shape; the drive itself if there is no map.
         """
         if self.drive_map is None:
             return drive
@@ -132,17 +132,17 @@ class IdentifiedModel:
 
 
 def with_id(model: IdentifiedModel) -> IdentifiedModel:
-    """Name a model by its content.
+    """Return a model with the hash of its content as its id.
 
     Parameters
     ----------
     model
-        Its present id does not matter.
+        Model; its present id does not matter.
 
     Returns
     -------
     IdentifiedModel
-        The same with its id.
+        The model with its id.
     """
     return replace(model, id=content_hash(to_message(model)))
 
@@ -153,12 +153,12 @@ def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
     Parameters
     ----------
     model
-        With or without an id.
+        Model with or without an id.
 
     Returns
     -------
     identifier_pb2.Model
-        The same as a message.
+        Model as a message.
     """
     return identifier_pb2.Model(
         id=model.id,
@@ -197,22 +197,22 @@ def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
 
 
 def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
-    """Decode a model and check that it is whole.
+    """Decode and validate a model.
 
     Parameters
     ----------
     message
-        As received; nothing in it is trusted.
+        As received, untrusted.
 
     Returns
     -------
     IdentifiedModel
-        Its arrays are read-only views of the message.
+        Model whose arrays are read-only views of the message.
 
     Raises
     ------
     ValueError
-        Where an array has a wrong shape or type, or the id is not the hash of the content.
+        An array has a wrong shape or type, or the id is not the hash of the content.
     """
     n_u, n_y = len(message.drives), len(message.responses)
     frequency = from_array(message.frequency, field="frequency", shape=(None,), dtype=np.float64)

@@ -8,10 +8,10 @@ from numpy.typing import ArrayLike, NDArray
 from duralab_spectra import as_frf, pseudo_inverse
 
 CONFIDENCE = 0.95
-"""Share of the rigs that the model's uncertainty allows, for `Convergence.spectral_radius_95`."""
+"""Share of the rigs within the model's uncertainty, for `Convergence.spectral_radius_95`."""
 
 DRAWS = 100
-"""Rigs drawn from the model's uncertainty."""
+"""Number of rigs drawn from the model's uncertainty."""
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Convergence:
 
     @property
     def sentence(self) -> str:
-        """The finding as text."""
+        """Finding as text."""
         line = int(np.argmax(self.spectral_radius_95))
         radius, bound = float(np.max(self.spectral_radius)), float(self.spectral_radius_95[line])
         where = f"{self.frequency[line]:.3g} Hz"
@@ -56,9 +56,9 @@ class Convergence:
 
 
 def spectral_radius(rig: ArrayLike, *, model: ArrayLike, gain: ArrayLike) -> NDArray[np.float64]:
-    """Spectral radius of ``I - H Hm^+ Q = I - [I + Hm (H^+ - Hm^+)]^-1 Q`` at each line, ``Hm`` the model (Eq. 6).
+    """Return the spectral radius of ``I - H Hm^+ Q = I - [I + Hm (H^+ - Hm^+)]^-1 Q`` at each line (Eq. 6).
 
-    With more responses than drives it is that of the part of the error which the drives can reach.
+    ``Hm`` is the model. With more responses than drives it is that of the part of the error that the drives can reach.
 
     Parameters
     ----------
@@ -77,11 +77,11 @@ def spectral_radius(rig: ArrayLike, *, model: ArrayLike, gain: ArrayLike) -> NDA
     Raises
     ------
     ValueError
-        Where a gain is not allowed or a shape does not fit.
+        A gain is not allowed or a shape does not fit.
 
     Notes
     -----
-    Source: Cornelis et al., ISMA 2014, Eqs. 4 to 6. ``H Hm^+ Q`` and ``Hm^+ Q H`` share eigenvalues but for zeros.
+    Source: Cornelis et al., ISMA 2014, Eqs. 4 to 6. ``H Hm^+ Q`` and ``Hm^+ Q H`` share eigenvalues except zeros.
     """
     identified = as_frf(model, name="model")
     return _spectral_radius(np.asarray(rig, dtype=np.complex128), pseudo_inverse(identified), _gains(gain, identified))
@@ -98,7 +98,7 @@ def predict_convergence(
     rig: ArrayLike | None = None,
     seed: int = 0,
 ) -> Convergence:
-    """Say how an iteration with the inverse of a model converges on the rigs that its uncertainty allows.
+    """Predict the convergence of an iteration with the inverse of a model on the rigs within its uncertainty.
 
     Parameters
     ----------
@@ -111,23 +111,22 @@ def predict_convergence(
     residual_psd, row_covariance
         Shapes (lines, responses) and (lines, drives, drives): covariance of the model's rows, see `row_covariance`.
     response_rms
-        Shape (responses), greater than 0: what an error of each response is measured by, in the inverse and in the
-        singular value.
+        Shape (responses), greater than 0: scale of each response's error, in the inverse and in the singular value.
     rig
-        Complex, shape (lines, responses, drives): what is to stand for the rig instead of the model itself, e.g. a
-        model from another level; the uncertainty is drawn about it.
+        Complex, shape (lines, responses, drives): FRF that replaces the model as the rig, e.g. a model from another
+        level; the uncertainty is drawn about it.
     seed
-        Of the rigs drawn.
+        Seed of the drawn rigs.
 
     Returns
     -------
     Convergence
-        At the lines given.
+        Convergence at the given lines.
 
     Raises
     ------
     ValueError
-        Where a gain is not allowed or a shape does not fit.
+        A gain is not allowed or a shape does not fit.
 
     Notes
     -----
@@ -179,12 +178,12 @@ def _gains(gain: ArrayLike, model: NDArray[np.complex128]) -> NDArray[np.float64
 
 
 def _square_root(covariance: NDArray[np.complex128]) -> NDArray[np.complex128]:
-    """``L`` with ``L L^H = C`` at each line; C is Hermitian, and may be 0."""
+    """Return ``L`` with ``L L^H = C`` at each line; C is Hermitian, and may be 0."""
     deviation = np.sqrt(np.einsum("fjj->fj", covariance).real)
     size = np.where(deviation > 0.0, deviation, 1.0)
-    # At unit diagonal: beside a drive in newtons the variance of one in metres would be rounding.
+    # At unit diagonal: compared with a drive in newtons the variance of one in metres would be rounding.
     values, vectors = np.linalg.eigh(covariance / (size[:, :, None] * size[:, None, :]))
     # Rounding leaves eigenvalues of a positive matrix a little below 0.
     root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    # The phases of eigenvectors are anyone's choice; the Hermitian root does not hold them.
+    # The phases of eigenvectors are arbitrary; the Hermitian root does not contain them.
     return size[:, :, None] * np.matmul(root, vectors.conj().transpose(0, 2, 1))

@@ -1,11 +1,11 @@
-"""The random error of an estimated FRF matrix: its covariance, and Eq. 11 of the paper as the case of one drive."""
+"""Random error of an estimated FRF matrix: its covariance, and Eq. 11 of the paper for one drive."""
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 
 def relative_magnitude_variance(coherence: ArrayLike, independent_averages: float) -> NDArray[np.float64]:
-    """Variance of the magnitude of a single-drive FRF over its square (Eq. 11), ``(1 - g2) / (2 N g2)``.
+    """Return the variance of a single-drive FRF's magnitude over its square (Eq. 11), ``(1 - g2) / (2 N g2)``.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def relative_magnitude_variance(coherence: ArrayLike, independent_averages: floa
     Raises
     ------
     ValueError
-        Where a value is outside its range.
+        A value is outside its range.
 
     Notes
     -----
@@ -38,7 +38,7 @@ def relative_magnitude_variance(coherence: ArrayLike, independent_averages: floa
 
 
 def row_covariance(s_uu: NDArray[np.complex128], *, averages: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Covariance of the elements of a row of the FRF, for a residual of unit density.
+    """Return the covariance of the elements of a row of the FRF, for a residual of unit density.
 
     A row (one response) that is fitted by least squares through `N` averages of the drives has the covariance
     ``E[d_j conj(d_k)] = S_ee [S_uu^-1]_kj / N``, ``d`` its error and ``S_ee`` the density of the part that the drives
@@ -49,12 +49,12 @@ def row_covariance(s_uu: NDArray[np.complex128], *, averages: NDArray[np.float64
     s_uu
         Complex, shape (lines, drives, drives), one-sided density ``E[U U^H]``.
     averages
-        Shape (lines): equivalent independent averages behind the FRF at each line, 0 where nothing was estimated.
+        Shape (lines): equivalent independent averages of the FRF at each line, 0 without an estimate.
 
     Returns
     -------
     numpy.ndarray
-        Complex, shape (lines, drives, drives), Hermitian, in Hz per drive unit squared; 0 where nothing was estimated.
+        Complex, shape (lines, drives, drives), Hermitian, in Hz per drive unit squared; 0 without an estimate.
 
     Notes
     -----
@@ -64,14 +64,14 @@ def row_covariance(s_uu: NDArray[np.complex128], *, averages: NDArray[np.float64
     lines = averages > 0.0
     power = np.sqrt(np.einsum("fjj->fj", s_uu[lines]).real)
     scale = power[:, :, None] * power[:, None, :]
-    # Inverted at unit diagonal, so that the drives' units do not spoil the digits.
+    # Inverted at unit diagonal, so that the drives' units do not reduce the precision.
     inverse = np.linalg.inv(s_uu[lines] / scale) / scale
     covariance[lines] = inverse.transpose(0, 2, 1) / averages[lines, None, None]
     return covariance
 
 
 def element_variance(residual_psd: NDArray[np.float64], row_covariance: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Variance ``E|H - E H|^2`` of every element of an FRF matrix.
+    """Return the variance ``E|H - E H|^2`` of every element of an FRF matrix.
 
     Parameters
     ----------

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class ModelDifference:
-    """Difference of two FRF matrices, seen in each response under the first experiment's drives.
+    """Difference of two FRF matrices, in each response to the first experiment's drives.
 
     `relative`: Shape (lines, responses): RMS of the change over RMS of the response; 0 outside the lines of both.
-    `by_chance`: Same shape: what the random errors of both alone would make of it.
+    `by_chance`: Same shape: the same from the random errors of both alone.
     """
 
     relative: NDArray[np.float64]
@@ -35,16 +35,16 @@ def model_difference(
     first, second
         Complex, shape (lines, responses, drives).
     drive_psd
-        Shape (lines, drives): how much each drive counts.
+        Shape (lines, drives): PSD of the drives, as their weight.
     first_variance, second_variance
-        Shape (lines, responses, drives): of every element.
+        Shape (lines, responses, drives): variance of every element.
     lines
-        Shape (lines): where both were identified.
+        Shape (lines): lines at which both were identified.
 
     Returns
     -------
     ModelDifference
-        0 elsewhere.
+        Difference at these lines, 0 elsewhere.
     """
     size = _power(np.abs(first) ** 2, drive_psd, lines)
     change = _power(np.abs(second - first) ** 2, drive_psd, lines)
@@ -58,7 +58,7 @@ def model_difference(
 def difference_sentences(
     difference: ModelDifference, *, frequency: NDArray[np.float64], responses: Sequence[str]
 ) -> tuple[str, ...]:
-    """Say as text where two models differ.
+    """Return sentences on the differences of two models.
 
     `difference`: From `model_difference`. `frequency`: Shape (lines), in hertz. `responses`: Names of the channels, in
     order.

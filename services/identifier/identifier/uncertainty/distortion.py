@@ -1,7 +1,7 @@
-"""The robust method: noise and stochastic nonlinear distortion apart, from periods and realisations of a multisine.
+"""Robust method: separates noise and stochastic nonlinear distortion by periods and realisations of a multisine.
 
 Periods of one drive differ by noise alone. Experiments with other phases differ by the distortion as well: a nonlinear
-rig is not its Best Linear Approximation, and what is left over changes with every draw of the phases.
+rig differs from its Best Linear Approximation, and the difference changes with every draw of the phases.
 """
 
 from dataclasses import dataclass
@@ -13,42 +13,42 @@ from duralab_spectra import as_record, pseudo_inverse
 from identifier.layout import Layout, Window
 
 FEWEST_PERIODS = 2
-"""Periods of one drive from which its noise can be told."""
+"""Smallest number of periods of one drive from which its noise can be estimated."""
 
 FEWEST_REALISATIONS = 2
-"""Sets of phases: the experiments of one set share phases, and what a rig's distortion makes of them looks linear."""
+"""Smallest number of sets of phases: experiments of one set share phases, so that their distortion looks linear."""
 
 
 @dataclass(frozen=True)
 class DistortionLevels:
-    """Best Linear Approximation of a rig, and what each response holds besides it. Densities, one-sided, unit^2/Hz.
+    """Best Linear Approximation of a rig, and noise and distortion of each response. Densities, one-sided, unit^2/Hz.
 
-    Each distortion is a difference of two estimates and may lie below 0 by chance where there is none.
+    Each distortion is a difference of two estimates and may be below 0 by chance if there is none.
 
     Parameters
     ----------
     frequency
         Shape (lines), in hertz.
     excited
-        Shape (lines), boolean; the densities at the lines left out apart, everything is 0 at other lines.
+        Shape (lines), boolean; except for the densities at the lines left out, everything is 0 at other lines.
     best_linear_approximation
         Complex, shape (lines, responses, drives), with ``e^{+j omega t}``.
     response_psd
-        Shape (lines, responses): of the mean periods.
+        Shape (lines, responses): PSD of the mean periods.
     noise_psd
-        Shape (lines, responses): of the noise in each period.
+        Shape (lines, responses): PSD of the noise in each period.
     distortion_psd
-        Shape (lines, responses): of the stochastic nonlinear distortion in each experiment.
+        Shape (lines, responses): PSD of the stochastic nonlinear distortion in each experiment.
     odd_psd, even_psd
-        Shape (lines, responses): of the distortion at the odd lines left out and at the even lines, 0 at others; None
-        where the excitation has even lines.
+        Shape (lines, responses): PSD of the distortion at the odd lines left out and at the even lines, 0 at others;
+        None if the excitation has even lines.
     left_out_noise_psd
-        Shape (lines, responses): of the noise in each period at the lines of `odd_psd` and `even_psd`, 0 at others;
-        None with them.
+        Shape (lines, responses): PSD of the noise in each period at the lines of `odd_psd` and `even_psd`, 0 at others;
+        None under the same condition.
     periods
-        Averaged in each experiment.
+        Number of averaged periods in each experiment.
     experiments
-        With different phases.
+        Number of experiments with different phases.
     """
 
     frequency: NDArray[np.float64]
@@ -65,14 +65,14 @@ class DistortionLevels:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Experiments less drives: how many squares the sum of noise and distortion was estimated from, per line."""
+        """Experiments minus drives: number of squares in the estimate of noise plus distortion, per line."""
         return self.experiments - self.best_linear_approximation.shape[2]
 
 
 def can_separate(layout: Layout, *, drives: int) -> bool:
-    """Whether an experiment tells noise and distortion apart.
+    """Return whether an experiment allows the separation of noise and distortion.
 
-    `layout`: Of the experiment. `drives`: Of the rig, 1 or more.
+    `layout`: Layout of the experiment. `drives`: Number of drives of the rig, 1 or more.
     Returns: True for periodic excitations with two periods of each drive, two realisations, and more different
     experiments than drives.
     """
@@ -86,10 +86,10 @@ def can_separate(layout: Layout, *, drives: int) -> bool:
 
 
 def has_other_phases(layout: Layout) -> bool:
-    """Whether an experiment shows distortion at all, be it together with the noise.
+    """Return whether an experiment shows distortion at all, possibly only together with the noise.
 
-    `layout`: Of the experiment.
-    Returns: False where every block repeats the same sweep or set of phases: distortion repeats itself, too.
+    `layout`: Layout of the experiment.
+    Returns: False if every block repeats the same sweep or set of phases: distortion repeats itself, too.
     """
     realisations = {capture.realisation for capture in layout.captures}
     return layout.window is Window.HANN or len(realisations) >= FEWEST_REALISATIONS
@@ -105,24 +105,24 @@ def separate_distortion(drive: ArrayLike, response: ArrayLike, layout: Layout) -
     response
         Shape (responses, samples), as measured.
     layout
-        Of a periodic experiment for which `can_separate` is true.
+        Layout of a periodic experiment for which `can_separate` is true.
 
     Returns
     -------
     DistortionLevels
-        At the lines of the layout.
+        Levels at the lines of the layout.
 
     Raises
     ------
     ValueError
-        Where the experiment does not distinguished, experiments have different numbers of periods, or the drives are
+        The experiment does not allow the separation, experiments have different numbers of periods, or the drives are
         dependent at an excited line.
 
     Notes
     -----
     Source: Pintelon & Schoukens, *System Identification: A Frequency Domain Approach*, chapter 4 (robust method, odd
-    multisines with detection lines). Worked on the responses' spectra rather than on FRFs, so that it serves any set of
-    experiments, orthogonal or not, with as many columns as it has.
+    multisines with detection lines). Applied to the responses' spectra rather than to FRFs, so that it works for any
+    set of experiments, orthogonal or not, with any number of columns.
     """
     inputs, outputs = as_record(drive, name="drive"), as_record(response, name="response")
     periods = _periods(layout)
@@ -163,7 +163,7 @@ def separate_distortion(drive: ArrayLike, response: ArrayLike, layout: Layout) -
 
 
 def _periods(layout: Layout) -> dict[tuple[int, int], int]:
-    """Count the periods of each different drive; repeats of a drive add up."""
+    """Return the number of periods of each different drive; repeats of a drive are added."""
     counts: dict[tuple[int, int], int] = {}
     for capture in layout.captures:
         key = capture.realisation, capture.experiment
@@ -172,7 +172,7 @@ def _periods(layout: Layout) -> dict[tuple[int, int], int]:
 
 
 def _mean_periods(record: NDArray[np.float64], layout: Layout) -> tuple[NDArray[np.complex128], NDArray[np.float64]]:
-    """Mean spectrum of each experiment's periods, (lines, experiments, channels), and the sum of squares about them."""
+    """Return the mean spectrum of each experiment's periods, (lines, experiments, channels), and the sum of squares."""
     block = layout.block_samples
     spectra: dict[tuple[int, int], list[NDArray[np.complex128]]] = {}
     for capture in layout.captures:
@@ -192,7 +192,7 @@ def _mean_periods(record: NDArray[np.float64], layout: Layout) -> tuple[NDArray[
 def _least_squares(
     u: NDArray[np.complex128], y: NDArray[np.complex128], *, frequency: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """``H`` in ``y = H u`` at each line, from (lines, experiments, channels)."""
+    """Return ``H`` in ``y = H u`` at each line, from (lines, experiments, channels)."""
     length = np.linalg.norm(u, axis=1)
     condition = np.linalg.cond(np.divide(u, length[:, None, :], where=length[:, None, :] > 0.0, out=np.zeros_like(u)))
     worst = int(np.argmax(condition))
@@ -207,12 +207,12 @@ def _least_squares(
 def _by_parity(
     power: NDArray[np.float64], noise: NDArray[np.float64], layout: Layout
 ) -> tuple[NDArray[np.float64] | None, ...]:
-    """Take the power at the odd and at the even lines that no drive excites, and the noise at both."""
+    """Return the power at the odd and at the even lines without a drive, and the noise at both."""
     even_line = np.arange(layout.excited.size) % 2 == 0
     if np.any(layout.excited & even_line):
         return None, None, None
     in_band = (layout.frequency >= layout.lowest) & (layout.frequency <= layout.highest)
-    # Every line that no drive excites shows what the rig itself puts there: squares to even lines, cubes to odd ones.
+    # Lines without a drive show the rig's own contribution: squares at even lines, cubes at odd ones.
     silent = in_band & ~layout.excited
     return _only(power, silent & ~even_line), _only(power, silent & even_line), _only(noise, silent)
 

@@ -1,7 +1,7 @@
-"""At which drive levels to identify: those that give responses like the target's, as far as the limits allow.
+"""Drive levels for an identification: those whose responses are like the target's, within the limits.
 
-A rig with friction, bushings and valves is another one at another level, and the iteration starts from the model: it is
-to be identified near the level at which it will work.
+A rig with friction, bushings and valves has another FRF at another level, and the iteration starts from the model: the
+rig must be identified near its working level.
 """
 
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ from duralab_spectra import as_record, dynamic_part, pseudo_inverse
 from identifier.uncertainty.valid_band import ValidBand
 
 CREST_FACTOR = 4.5
-"""Peak over RMS to leave room for, where none is asked for: Gaussian noise passes it about once in 150 000 samples."""
+"""Default peak over RMS with enough room: Gaussian noise exceeds it about once in 150 000 samples."""
 
-# Of the largest value of a record, what subtracting its static part leaves of it.
+# Remainder of a record after the subtraction of its static part, as a share of its largest value.
 _ROUNDING = 1e-14
 
 
@@ -25,10 +25,11 @@ _ROUNDING = 1e-14
 class LevelAdvice:
     """RMS levels for the drives of an identification, each in its drive's unit.
 
-    `rms`: Shape (drives): proposed, the smaller of the next two. `wanted_rms`: Shape (drives): of the drive that the
-    model says makes the target. `largest_rms`: Shape (drives): at which a drive of that crest factor just reaches its
-    limit. `response_ratio`: Shape (responses): RMS of each response expected at the proposed levels, over the target's.
-    `target_damage`: Shape (responses, 3): pseudo-damage of the target as measured for S-N lines of slope 3, 5 and 8.
+    `rms`: Shape (drives): proposed, the smaller of the next two. `wanted_rms`: Shape (drives): RMS of the drive that
+    gives the target by the model. `largest_rms`: Shape (drives): RMS at which a drive of that crest factor just reaches
+    its limit. `response_ratio`: Shape (responses): RMS of each response expected at the proposed levels, over the
+    target's. `target_damage`: Shape (responses, 3): pseudo-damage of the target as measured for S-N lines of slope 3, 5
+    and 8.
     """
 
     rms: NDArray[np.float64]
@@ -39,7 +40,7 @@ class LevelAdvice:
 
     @property
     def limited(self) -> NDArray[np.bool_]:
-        """Shape (drives): whether the limit and not the target decides."""
+        """Whether the limit and not the target determines each level, shape (drives)."""
         return self.wanted_rms > self.largest_rms
 
 
@@ -52,7 +53,7 @@ def advise_levels(
     crest_factor: float = CREST_FACTOR,
     laid: NDArray[np.bool_] | None = None,
 ) -> LevelAdvice:
-    """Propose the levels that give responses like a target's.
+    """Propose the levels whose responses are like a target's.
 
     Parameters
     ----------
@@ -62,25 +63,25 @@ def advise_levels(
     frf
         Complex, shape (lines, responses, drives), of full column rank in the band.
     band
-        Where the target counts; within the model's.
+        Band of the target, within the model's band.
     room
         Shape (drives), greater than 0: largest magnitude that each drive's limits allow, in its unit.
     crest_factor
-        Peak over RMS that is left room for, 1 or more.
+        Peak over RMS with enough room, 1 or more.
     laid
         Shape (lines): lines of the FRF that were interpolated, not estimated. None: no such lines.
 
     Returns
     -------
     LevelAdvice
-        For each drive.
+        Levels for each drive.
 
     Raises
     ------
     SettingsError
-        Where the target has other channels than the model or does not move in the band, or the crest factor is below 1.
+        The target has other channels than the model or does not move in the band, or the crest factor is below 1.
     ValueError
-        Where a drive has no room.
+        A drive has no room.
     """
     record = as_record(target, name="target")
     responses, drives = frf.shape[1], frf.shape[2]
@@ -100,7 +101,7 @@ def advise_levels(
     inside = band.contains(frequency)
     wished = spectrum[:, inside].T
     target_rms = _rms(wished, record.shape[1])
-    # A level by itself leaves its rounding.
+    # A constant record leaves its rounding.
     still = np.flatnonzero(target_rms <= _ROUNDING * np.max(np.abs(record), axis=1))
     if still.size:
         raise SettingsError(
@@ -108,7 +109,7 @@ def advise_levels(
             f"{band.highest:g} Hz; every response needs a target there.",
             field="target",
         )
-    # Each response counts by its own size, so that one in newtons does not outweigh one in newton metres.
+    # Each response is weighted by its own size, so that one in newtons does not outweigh one in newton metres.
     weight = 1.0 / target_rms
     matrix = band.curved_between_lines(frf, frequency[inside], laid=laid)
     inverse = pseudo_inverse(matrix * weight[:, None]) * weight
@@ -132,13 +133,13 @@ def damage_at_levels(
 ) -> NDArray[np.float64]:
     """Predict the pseudo-damage of an experiment at other drive levels.
 
-    Exact for a linear rig without noise where all levels change alike; otherwise the responses keep the shape of their
-    cycles and change in size.
+    Exact for a linear rig without noise if all levels change by one factor; otherwise the responses keep the shape of
+    their cycles and change in size.
 
-    `damage`: Shape (responses, exponents), of `DAMAGE_EXPONENTS`: of the experiment as it was. `frf`: Shape (lines,
-    responses, drives). `drive_psd`: Shape (lines, drives): of the experiment as it was. `levels`: Shape (drives): over
-    those of the experiment.
-    Returns: As `damage`.
+    `damage`: Shape (responses, exponents), of `DAMAGE_EXPONENTS`: damage of the experiment. `frf`: Shape (lines,
+    responses, drives). `drive_psd`: Shape (lines, drives): PSD of the experiment's drives. `levels`: Shape (drives):
+    levels over those of the experiment.
+    Returns: Damage in the shape of `damage`.
     """
     power = np.einsum("fij,fj->ij", np.abs(frf) ** 2, drive_psd)
     before = power.sum(axis=1)
@@ -148,5 +149,5 @@ def damage_at_levels(
 
 
 def _rms(lines: NDArray[np.complex128], samples: int) -> NDArray[np.float64]:
-    """RMS of each channel from its one-sided spectrum, (lines, channels), without mean and Nyquist line."""
+    """Return the RMS of each channel from its one-sided spectrum, (lines, channels), without mean and Nyquist line."""
     return np.sqrt(2.0 * np.sum(np.abs(lines) ** 2, axis=0)) / samples

@@ -1,4 +1,4 @@
-"""Whether the level of an identification ruined its model: judged from the identification's own record."""
+"""Check whether the level of an identification ruined its model, from the identification's own record."""
 
 from dataclasses import dataclass
 
@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 LARGEST_MISS = 0.25
-"""RMS that a model may miss of a further response of the same level, over the RMS of that response."""
+"""Largest RMS of the prediction error for a further response of the same level, over the RMS of that response."""
 
 GOOD_MISS = 0.1
-"""The same at a level that is worth raising to: distortion that grows with the level stays far from `LARGEST_MISS`."""
+"""The same for a raised level: distortion that grows with the level stays far from `LARGEST_MISS`."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class LevelCheck:
     miss
         Shape (responses), 0 or more: RMS of the error of the prediction over the RMS of the response.
     noise
-        Shape (responses): share of `miss` that is noise, 0 to 1; None where the record does not tell.
+        Shape (responses): share of `miss` that is noise, 0 to 1; None if the record does not show it.
     """
 
     miss: NDArray[np.float64]
@@ -29,12 +29,12 @@ class LevelCheck:
 
     @property
     def ruined(self) -> NDArray[np.bool_]:
-        """Shape (responses): whether the model misses too much to work with."""
+        """Whether the model's error is too large to be used, shape (responses)."""
         return self.miss > LARGEST_MISS
 
     @property
     def largest_factor(self) -> float:
-        """Return the largest factor on the level that keeps the miss small, if it grows with the level, as arcs do.
+        """Largest factor on the level that keeps the miss small, if it grows with the level as for arcs.
 
         It is below 1 only for a level that ruined the model: a smaller miss may be friction, whose share grows as the
         level falls.
@@ -53,31 +53,31 @@ def check_level(
     random_share: NDArray[np.float64],
     noise_psd: NDArray[np.float64] | None = None,
 ) -> LevelCheck:
-    """Predict how much a model misses of a further record, as cross-validation would find it.
+    """Predict the error of a model for a further record, as cross-validation would find it.
 
     Parameters
     ----------
     lines
-        Shape (lines): where the model was estimated, one or more.
+        Shape (lines): lines of the estimate, one or more.
     residual_psd
-        Shape (lines, responses): what the drives do not explain, without the bias of the fit, noise and distortion.
+        Shape (lines, responses): noise and distortion that the drives do not explain, without the bias of the fit.
     response_psd
-        Shape (lines, responses); a response without power there has no miss.
+        Shape (lines, responses); a response without power has no miss.
     random_share
         Shape (lines), 0 or more: power that the random error of the FRF puts into a prediction, over the residual:
         ``tr(S_uu P)``, `P` the covariance of a row for a residual of 1; of H1 drives over averages.
     noise_psd
-        Shape (lines, responses): of the noise in what was averaged once; None where it is not known.
+        Shape (lines, responses): noise in each averaged item; None if it is not known.
 
     Returns
     -------
     LevelCheck
-        For each response.
+        Check of each response.
 
     Notes
     -----
-    A further record has the residual that this one has, and the random error of the FRF besides. That is what leaving
-    out one piece after the other finds on average; it needs no pieces to spare.
+    A further record has the same residual, and in addition the random error of the FRF. That is the average result of
+    leaving out one piece after the other, and needs no pieces to spare.
     """
     residual, response = residual_psd[lines], np.sum(response_psd[lines], axis=0)
     missed = np.sum(residual * (1.0 + random_share[lines, None]), axis=0)
@@ -91,15 +91,15 @@ def check_level(
 
 
 def level_sentence(check: LevelCheck, *, drive_rms: NDArray[np.float64], room: NDArray[np.float64]) -> str:
-    """Say which level ruined the model and what to do; channels by number.
+    """Return a sentence with the level that ruined the model and the remedy; channels by number.
 
-    `check`: With a response that is ruined. `drive_rms`: Shape (drives), each in its unit. `room`: Shape (drives),
+    `check`: Check with a ruined response. `drive_rms`: Shape (drives), each in its unit. `room`: Shape (drives),
     greater than 0: half of the range of each drive.
     Returns: One sentence.
     """
     worst = int(np.argmax(check.miss))
     used = drive_rms / room
-    # Drives that use their range least did not drive the rig out of its linear range.
+    # Drives with the smallest use of their range did not drive the rig out of its linear range.
     group = np.flatnonzero(used >= 0.5 * np.max(used))
     levels = " and ".join(f"drive {index} ({drive_rms[index]:.3g} RMS)" for index in group)
     what = (

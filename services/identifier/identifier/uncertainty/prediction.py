@@ -11,11 +11,11 @@ from identifier.uncertainty.valid_band import ValidBand
 
 @dataclass(frozen=True)
 class Prediction:
-    """The response that a model expects of a drive, in the model's band.
+    """Predicted response of a model to a drive, in the model's band.
 
-    `response`: Shape (responses, samples), without static part. `uncertainty_rms`: Shape (responses): RMS of the error
-    that the random errors of the FRF put into it, in the response's unit. `share_outside_band`: Shape (drives): share
-    of each drive's power, 0 to 1, that lies outside the band and is left out; its mean is no part of either.
+    `response`: Shape (responses, samples), without static part. `uncertainty_rms`: Shape (responses): RMS of its error
+    by the random errors of the FRF, in the response's unit. `share_outside_band`: Shape (drives): share of each drive's
+    power, 0 to 1, that is outside the band and left out; neither power includes its mean.
     """
 
     response: NDArray[np.float64]
@@ -41,7 +41,7 @@ def predict_response(
     frf
         Complex, shape (lines, responses, drives).
     band
-        Where the model is valid.
+        Valid band of the model.
     residual_psd, row_covariance
         Shapes (lines, responses) and (lines, drives, drives): covariance of the model's rows, see `row_covariance`.
     laid
@@ -50,17 +50,17 @@ def predict_response(
     Returns
     -------
     Prediction
-        As many samples as the drive.
+        Prediction with as many samples as the drive.
 
     Raises
     ------
     ValueError
-        Where the drive has other channels than the model.
+        The drive has other channels than the model.
 
     Notes
     -----
-    Between the model's lines the FRF follows a cubic spline, covariance and residual a straight line; the lines must be
-    close enough for its resonances. Source: the forward prediction of Cornelis et al., ISMA 2014, section 3.
+    Between the model's lines the FRF is interpolated by a cubic spline, covariance and residual linearly; the lines
+    must be close enough for its resonances. Source: the forward prediction of Cornelis et al., ISMA 2014, section 3.
     """
     record = as_record(drive, name="drive")
     drives = frf.shape[2]
@@ -68,7 +68,7 @@ def predict_response(
         raise ValueError(f"The drive has {record.shape[0]} channels; the model has {drives} drives.")
     count = record.shape[1]
     moving = record - np.mean(record, axis=1, keepdims=True)
-    # A rig answers after the drive; one more block of zeros keeps the end from coming back at the start.
+    # The response continues after the drive; one more block of zeros keeps its end from wrapping to the start.
     length = count + band.block_samples
     spectrum = np.fft.rfft(moving, n=length, axis=1)
     frequency = np.arange(spectrum.shape[1]) * (band.sample_rate / length)

@@ -10,16 +10,16 @@ from duralab_spectra import line_frequencies
 
 @dataclass(frozen=True)
 class ValidBand:
-    """The lines of a model that were identified, from the lowest to the highest.
+    """Identified lines of a model, from the lowest to the highest.
 
     Parameters
     ----------
     lowest, highest
-        In hertz, both included.
+        Edges in hertz, both included.
     sample_rate
-        In hertz.
+        Sample rate in hertz.
     block_samples
-        Of the block whose lines the model has.
+        Number of samples of the block with the model's lines.
     """
 
     lowest: float
@@ -29,11 +29,11 @@ class ValidBand:
 
     @property
     def lines(self) -> NDArray[np.bool_]:
-        """Shape (block_samples // 2 + 1): the model's lines in the band."""
+        """Mask of the model's lines in the band, shape (block_samples // 2 + 1)."""
         return self.contains(line_frequencies(self.block_samples, self.sample_rate))
 
     def contains(self, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """Whether each frequency lies in the band.
+        """Return whether each frequency is in the band.
 
         Parameters
         ----------
@@ -48,15 +48,15 @@ class ValidBand:
         return (frequency >= self.lowest) & (frequency <= self.highest)
 
     def between_lines(self, values: NDArray, frequency: NDArray[np.float64]) -> NDArray:
-        """Lay values of the model's lines straight to other frequencies.
+        """Interpolate values of the model's lines linearly to other frequencies.
 
         Parameters
         ----------
         values
             Shape (lines, ...), real or complex, at the model's lines.
         frequency
-            Shape (new lines), in hertz, in the band. Between its edge and the first line within it that line's value
-            is in.
+            Shape (new lines), in hertz, in the band. Between its edge and the first line within it that line's value is
+            used.
 
         Returns
         -------
@@ -73,21 +73,21 @@ class ValidBand:
     def curved_between_lines(
         self, frf: NDArray[np.complex128], frequency: NDArray[np.float64], *, laid: NDArray[np.bool_] | None = None
     ) -> NDArray[np.complex128]:
-        """Lay an FRF to other frequencies along a cubic spline.
+        """Interpolate an FRF to other frequencies by a cubic spline.
 
-        A straight line cuts the corner of a phase that turns from line to line: for a response with a delay it would
-        leave the share ``sinc^2`` of the delay over the block.
+        Linear interpolation reduces the magnitude if the phase turns from line to line: for a response with a delay
+        only the share ``sinc^2`` of the delay over the block would remain.
 
         Parameters
         ----------
         frf
             Complex, shape (lines, ...), at the model's lines.
         frequency
-            Shape (new lines), in hertz, in the band. Between its edge and the first line within it that line's value
-            is in: a cubic would extrapolate.
+            Shape (new lines), in hertz, in the band. Between its edge and the first line within it that line's value is
+            used: a cubic would extrapolate.
         laid
-            Shape (lines): lines that were not estimated but laid straight between others. The spline passes over them,
-            but for the first and the last line of the band. None: no such lines.
+            Shape (lines): lines that were linearly interpolated, not estimated. The spline skips them, except for the
+            first and the last line of the band. None: no such lines.
 
         Returns
         -------
@@ -102,7 +102,7 @@ class ValidBand:
         position = np.clip(frequency * (self.block_samples / self.sample_rate), held[0], held[-1])
         if held.size == 1:
             return frf[np.full(position.size, held[0])]
-        # It takes half a second to import, and a service shall start at once.
+        # The import takes half a second, and a service must start at once.
         from scipy.interpolate import CubicSpline
 
         return np.asarray(CubicSpline(held, frf[held], axis=0)(position), dtype=np.complex128)

@@ -9,24 +9,24 @@ from numpy.typing import NDArray
 from identifier.uncertainty.distortion import DistortionLevels
 
 BAND_OCTAVES = 1.0 / 3.0
-"""Width over which levels are averaged before the worst place is named: one line alone is mostly chance."""
+"""Width in octaves over which levels are averaged to find the worst band: a single line is mostly chance."""
 
 FEWEST_LINES = 9
-"""Lines averaged at least."""
+"""Smallest number of averaged lines."""
 
 SIGNIFICANCE = 5.0
-"""Standard errors of a rig without distortion that are exceeded where one is found: many places are looked at."""
+"""Smallest significant excess, in standard errors of a rig without distortion, because many bands are tested."""
 
 SMALLEST_SHARE = 1e-6
-"""Below this a share is rounding."""
+"""Smallest share; a smaller one is rounding."""
 
 
 @dataclass(frozen=True)
 class Shares:
-    """RMS of something over the RMS of the response, in the band, for each response; 0 where nothing was found.
+    """RMS of a contribution over the RMS of the response, in the band, for each response; 0 if nothing was found.
 
     `over_band`: Shape (responses). `worst`: Shape (responses): the largest over a third of an octave.
-    `worst_frequency`: Shape (responses): where, in hertz; 0 where nothing was found.
+    `worst_frequency`: Shape (responses): its frequency, in hertz; 0 if nothing was found.
     """
 
     over_band: NDArray[np.float64]
@@ -35,12 +35,12 @@ class Shares:
 
 
 def distortion_shares(levels: DistortionLevels) -> Shares:
-    """Share of each response that is stochastic nonlinear distortion.
+    """Return the share of each response that is stochastic nonlinear distortion.
 
-    `levels`: From the robust method.
-    Returns: Found where it exceeds what noise alone would scatter by `SIGNIFICANCE` times.
+    `levels`: Levels from the robust method.
+    Returns: Shares that exceed the scatter of noise alone by `SIGNIFICANCE` times.
     """
-    # What a linear rig would show: two estimates of its noise, from the experiments and from the periods.
+    # Values of a linear rig: two estimates of its noise, from the experiments and from the periods.
     freedom = 1.0 / levels.degrees_of_freedom + 1.0 / (levels.experiments * (levels.periods - 1))
     noise = levels.noise_psd / levels.periods
     return _shares(
@@ -49,10 +49,10 @@ def distortion_shares(levels: DistortionLevels) -> Shares:
 
 
 def noise_shares(levels: DistortionLevels) -> Shares:
-    """Share of each response that is noise, of one period.
+    """Return the share of each response that is noise, for one period.
 
-    `levels`: From the robust method.
-    Returns: Of every response.
+    `levels`: Levels from the robust method.
+    Returns: Shares of every response.
     """
     return _shares(levels.frequency, levels.excited, levels.noise_psd, levels.response_psd)
 
@@ -64,15 +64,15 @@ def unexplained_shares(
     residual_psd: NDArray[np.float64],
     response_psd: NDArray[np.float64],
 ) -> Shares:
-    """Share of each response that the drives do not explain, noise and distortion together.
+    """Return the share of each response that the drives do not explain, noise and distortion together.
 
-    `frequency`: Shape (lines), in hertz. `lines`: Shape (lines): where something was estimated. `residual_psd`,
+    `frequency`: Shape (lines), in hertz. `lines`: Shape (lines): estimated lines. `residual_psd`,
     `response_psd`: Shape (lines, responses), one-sided densities; without bias the first may be the larger one by
     chance.
-    Returns: Of every response, at most 1.
+    Returns: Shares of every response, at most 1.
     """
     found = _shares(frequency, lines, residual_psd, response_psd)
-    # Over all lines of a share and not at each: what is cut off at single lines is missed where it is summed.
+    # Bounded over all lines of a share and not at each: a bound at single lines would make the sum too small.
     return Shares(
         over_band=np.minimum(found.over_band, 1.0),
         worst=np.minimum(found.worst, 1.0),
@@ -81,7 +81,7 @@ def unexplained_shares(
 
 
 def left_out_shares(levels: DistortionLevels) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Odd and even distortion as shares of each response, from the lines that were left out."""
+    """Return odd and even distortion as shares of each response, from the lines that were left out."""
     if levels.odd_psd is None or levels.even_psd is None or levels.left_out_noise_psd is None:
         return None
     freedom = (1.0 + 1.0 / (levels.periods - 1)) / levels.experiments
@@ -100,16 +100,16 @@ def left_out_shares(levels: DistortionLevels) -> tuple[NDArray[np.float64], NDAr
 def separated_verdicts(
     levels: DistortionLevels, *, responses: Sequence[str], unsettled: Collection[int] = ()
 ) -> tuple[str, ...]:
-    """Say how nonlinear and how noisy each response is.
+    """Return a sentence on the nonlinearity and noise of each response.
 
     Parameters
     ----------
     levels
-        From the robust method.
+        Levels from the robust method.
     responses
         Names of the channels, in order.
     unsettled
-        Those, by number, of which a transient is left in the captures: it changes from period to period and from one
+        Numbers of the responses with a transient left in the captures: it changes from period to period and from one
         experiment to the next, as noise and distortion do.
 
     Returns
@@ -131,7 +131,7 @@ def separated_verdicts(
                 f"{channel}, {_percent(nonlinear.over_band[i])} over the band{parity}; {share}."
             )
         elif left_out is not None and (left_out[0][i] > 0.0 or left_out[1][i] > 0.0):
-            # A square of odd lines leaves them alone: it shows at the even ones only.
+            # Squares of odd lines are only at even lines, not at the odd ones.
             sentences.append(f"Nonlinear at the lines left out in {channel}{parity}; {share}.")
         else:
             sentences.append(f"No nonlinearity beyond the noise in {channel}; {share}.")
@@ -139,7 +139,7 @@ def separated_verdicts(
 
 
 def unexplained_verdicts(shares: Shares, *, responses: Sequence[str]) -> tuple[str, ...]:
-    """Say how much of each response the model does not explain, where its causes cannot be distinguished.
+    """Return a sentence on the unexplained share of each response if its causes cannot be distinguished.
 
     `shares`: From `unexplained_shares`. `responses`: Names of the channels, in order.
     Returns: One sentence for each.
@@ -155,7 +155,7 @@ def unexplained_verdicts(shares: Shares, *, responses: Sequence[str]) -> tuple[s
 
 
 def unknown_verdicts(*, responses: Sequence[str]) -> tuple[str, ...]:
-    """Say that an experiment does not show how linear the rig is.
+    """Return sentences that an experiment does not show the linearity of the rig.
 
     `responses`: Names of the channels, in order.
     Returns: One sentence for each.
@@ -195,16 +195,16 @@ def _shares(
 
 
 def _by_chance(noise: NDArray[np.float64], freedom: float) -> NDArray[np.float64]:
-    """Say what the sum of differences of two estimates of this noise, (lines, responses), hardly ever exceeds."""
+    """Return a bound that the sum of differences of two estimates of this noise, (lines, responses), hardly exceeds."""
     total = np.sum(noise, axis=0)
     squares = np.sum(noise**2, axis=0)
-    # The logarithm of a ratio of two estimates scatters evenly to both sides, the ratio itself does not.
+    # The logarithm of a ratio of two estimates scatters evenly to both sides, unlike the ratio.
     scatter = np.sqrt(freedom * np.divide(squares, total**2, out=np.zeros_like(total), where=total > 0.0))
     return total * np.expm1(SIGNIFICANCE * scatter)
 
 
 def _windows(frequency: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """First and stop of the lines within a third of an octave about every line, `FEWEST_LINES` at least."""
+    """Return first and stop of the lines within a third of an octave about every line, `FEWEST_LINES` at least."""
     ratio = 2.0 ** (BAND_OCTAVES / 2.0)
     low = np.searchsorted(frequency, frequency / ratio)
     high = np.searchsorted(frequency, frequency * ratio, side="right")

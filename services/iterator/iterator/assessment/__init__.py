@@ -1,4 +1,4 @@
-"""Assessment of playbacks: error figures, spectra, bounds, dead sensors, and when the iteration ends."""
+"""Assessment of playbacks: error figures, spectra, bounds, dead sensors, and the end of the iteration."""
 
 from iterator.assessment.forecast import Forecast, forecast_playback
 from iterator.assessment.metrics import IterationMetrics, best_iteration, judge_response

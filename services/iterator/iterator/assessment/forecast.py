@@ -16,23 +16,23 @@ from iterator.model import IterationHistory, RigModel, predict
 
 @dataclass(frozen=True)
 class Forecast:
-    """Prediction of one playback's controlled responses, made before it is played.
+    """Prediction of the controlled responses of one playback, made before the playback.
 
     Parameters
     ----------
     response : ndarray, shape (n_y, samples)
-        In the control band, divided by the level, response units: the last response and what the model says of the
-        step from its drive.
+        Predicted response in the control band, divided by the level, response units: the last response plus the
+        model's response to the change of the drive.
     metrics : IterationMetrics
-        Of this response.
+        Figures of the predicted response.
     uncertainty : ndarray, shape (n_y,)
-        RMS of the predicted uncertainty of `response`, over the target's RMS: the last forecast's miss, less
-        of it for a smaller step; before the first playback the part of its record that the model does not explain. Not
-        a number where the model does not state that.
+        RMS of the predicted uncertainty of `response`, over the target's RMS: the last forecast's error, reduced
+        for a smaller step; before the first playback the part of the model's record that the model does not
+        explain. NaN if the model does not state that.
     step : ndarray, shape (n_y,)
         RMS of the predicted change, over the target's RMS.
     missed : ndarray, shape (n_y,), optional
-        RMS of the difference to the playback, over the target's RMS; None before it was made.
+        RMS of the difference to the playback, over the target's RMS; None before the playback.
     """
 
     response: NDArray[np.float64]
@@ -42,7 +42,7 @@ class Forecast:
     missed: NDArray[np.float64] | None = None
 
     def compared(self, response: NDArray[np.float64], *, target: NDArray[np.float64]) -> Forecast:
-        """Return the forecast with how far the playback missed it."""
+        """Return the forecast with its error compared with the playback."""
         return replace(self, missed=rms(response - self.response) / rms(target))
 
 
@@ -57,9 +57,9 @@ def forecast_playback(
 ) -> Forecast:
     """Predict the controlled responses to a drive.
 
-    `drive`, shape (n_u, samples): Mapped where there is a map, divided by its level. `model`: What the drive was made
-    with. `history`: Playbacks before it. `level`: Share of the target that is played for. `earlier`: Forecasts of the
-    playbacks before, compared with them.
+    `drive`, shape (n_u, samples): Output of the drive map if there is one, divided by its level. `model`: Model that
+    the drive was made with. `history`: Playbacks before it. `level`: Share of the target that is played. `earlier`:
+    Forecasts of the earlier playbacks, compared with them.
     """
     target = rms(history.target)
     last = history.last
@@ -79,7 +79,7 @@ def forecast_playback(
 
 
 def _unexplained(model: RigModel) -> NDArray[np.float64]:
-    """Return the RMS of each response that the model left unexplained of its own record."""
+    """Return the RMS of the part of each response in the model's own record that the model does not explain."""
     if model.uncertainty is None:
         return np.full(model.frf.shape[1], np.nan)
     spacing = float(model.frequency[1] - model.frequency[0])

@@ -18,26 +18,26 @@ class IterationMetrics:
     Parameters
     ----------
     relative_rms_error : ndarray, shape (n_y,)
-        `rms(y_d - y) / rms(y_d)`, towards 0.
+        `rms(y_d - y) / rms(y_d)`; ideal is 0.
     rms_response : ndarray, shape (n_y,)
-        `rms(y) / rms(y_d)`, towards 1.
+        `rms(y) / rms(y_d)`; ideal is 1.
     peak_ratio : ndarray, shape (n_y,)
-        Largest magnitude of the response over that of the target, towards 1.
+        Largest magnitude of the response over that of the target; ideal is 1.
     overall_relative_rms_error : float
         Root mean square of `relative_rms_error` over the controlled responses.
     crest_ratio : ndarray, shape (n_y,)
-        Crest factor of the response over that of the target, towards 1; 0 for a response at rest.
+        Crest factor of the response over that of the target; ideal is 1; 0 for a response at rest.
     damage_ratio : ndarray, shape (n_y, exponents)
-        Pseudo-damage of the response over that of the target for the slopes `DAMAGE_EXPONENTS`, towards 1.
+        Pseudo-damage of the response over that of the target for the slopes `DAMAGE_EXPONENTS`; ideal is 1.
     specimen_damage : ndarray, shape (n_y, exponents)
         Damage spent by this playback, in passes of the target: pseudo-damage of the response as measured, regardless of
         the control band and the level, over that of the target as measured. The target at its level counts at least: a
         dead sensor does not mean an unharmed specimen.
     controlled : ndarray of bool, shape (n_y,), optional
-        False for a response that is watched: nothing is judged by its figures. All are controlled where not given.
+        False for a monitored response, which is not used for any judgement. If not given, all are controlled.
     identification_damage : ndarray, shape (n_y, exponents), optional
-        Damage spent by the identification, counted as `specimen_damage`; the same in every playback. Not a number for a
-        watched response whose target is silent; None where it is not known.
+        Damage spent by the identification, counted as `specimen_damage`; the same in every playback. NaN for a
+        monitored response with a silent target; None if it is not known.
     """
 
     relative_rms_error: NDArray[np.float64]
@@ -52,12 +52,12 @@ class IterationMetrics:
 
     @property
     def correlation(self) -> NDArray[np.float64]:
-        """Of each response with its target, -1 to 1, shape (n_y,), by the law of cosines; 0 for a response at rest."""
+        """Correlation of each response with its target, -1 to 1, shape (n_y,), by the law of cosines; 0 at rest."""
         r, e = self.rms_response, self.relative_rms_error
         return np.divide(1.0 + r**2 - e**2, 2.0 * r, out=np.zeros_like(r), where=r != 0.0)
 
     def judged(self, figures: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the part of some figures, one row for each response, by which a playback is judged."""
+        """Return the rows of the figures, one for each response, by which a playback is judged."""
         return figures if self.controlled is None else figures[self.controlled]
 
 
@@ -77,19 +77,19 @@ def judge_response(
     target, response : ndarray, shape (n_y, samples)
         Both in the control band, response units; no controlled channel of the target zero throughout.
     level : float
-        Share of the target that was played for and by which the response was divided, above 0 to 1.
+        Share of the target that was played and by which the response was divided, above 0 to 1.
     controlled : ndarray of bool, shape (n_y,), optional
-        False for a response that is watched; all are controlled where not given.
+        False for a monitored response; if not given, all are controlled.
     measured : ndarray, shape (n_y, samples), optional
-        Response as it was measured, neither limited to the control band nor divided by the level: the specimen's damage
-        is counted there. Left out: `level` times `response`.
+        Response as measured, neither limited to the control band nor divided by the level, from which the
+        specimen's damage is counted. If not given: `level` times `response`.
     target_damage : ndarray, shape (n_y, exponents), optional
-        Pseudo-damage of the target as measured, for the slopes `DAMAGE_EXPONENTS`; that of `target` where left out.
+        Pseudo-damage of the target as measured, for the slopes `DAMAGE_EXPONENTS`; that of `target` if not given.
 
     Returns
     -------
     IterationMetrics
-        Of this playback. The figures of a watched response whose target is silent are not a number: there is nothing
+        Figures of this playback. The figures of a monitored response with a silent target are NaN: there is nothing
         that they could be relative to.
 
     Raises
@@ -119,7 +119,7 @@ def judge_response(
         overall_relative_rms_error=overall_relative_rms_error(target, response),
         crest_ratio=crest,
         damage_ratio=damage,
-        # A dead sensor does not mean a specimen unharmed: what was asked of the rig counts at least.
+        # A dead sensor does not mean an unharmed specimen: count at least the damage of the target at its level.
         specimen_damage=np.maximum(least, spent),
     )
 
@@ -133,7 +133,7 @@ def _judge_with_watched(
     measured: NDArray[np.float64] | None,
     target_damage: NDArray[np.float64] | None,
 ) -> IterationMetrics:
-    # A silent target of a controlled response goes in all the same, and is refused there.
+    # A silent target of a controlled response is kept, so that `judge_response` refuses it.
     judged = controlled | np.any(target != 0.0, axis=1)
     found = judge_response(
         target[judged],
@@ -166,12 +166,12 @@ def best_iteration(metrics: tuple[IterationMetrics, ...]) -> int:
     Parameters
     ----------
     metrics : tuple of IterationMetrics
-        From the first playback to the last.
+        Figures from the first playback to the last.
 
     Returns
     -------
     int
-        From 1; 0 if there is no playback.
+        Number from 1; 0 if there is no playback.
     """
     if not metrics:
         return 0

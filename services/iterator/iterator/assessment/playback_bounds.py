@@ -1,4 +1,4 @@
-"""Bounds of one playback, predicted and measured: how far it may go beyond the target before the campaign ends."""
+"""Bounds of one playback, predicted and measured: largest excess over the target before the campaign ends."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ _WORDS: Final = {
 
 @dataclass(frozen=True)
 class PassedBound:
-    """A bound that one response passed.
+    """A bound that a response exceeds.
 
     Parameters
     ----------
     response : int
-        Its row.
+        Row of the response.
     quantity : BoundedQuantity
-        Of the playback.
+        Bounded quantity of the playback.
     value, bound : float
-        What it is, and what is allowed, relative to the whole target.
+        Value and its bound, relative to the whole target.
     """
 
     response: int
@@ -58,14 +58,14 @@ class PassedBound:
 
 
 class PlaybackBoundError(ValueError):
-    """A drive that is not played, because the response that the model predicts of it passes a bound.
+    """Refusal of a drive, because the response that the model predicts for it exceeds a bound.
 
     Parameters
     ----------
     number : int
-        Of the playback, from 1.
+        Number of the playback, from 1.
     passed : PassedBound
-        The worst one, relative to its bound.
+        Exceeded bound with the largest ratio of value to bound.
     """
 
     def __init__(self, number: int, passed: PassedBound) -> None:
@@ -74,7 +74,7 @@ class PlaybackBoundError(ValueError):
         super().__init__(self.sentence(f"response {passed.response}"))
 
     def sentence(self, name: str) -> str:
-        """Return the error as text, with the name of its response."""
+        """Return the error as text with the name of its response."""
         return (
             f"Playback {self.number} is not played: by the model's prediction {self.passed.sentence(name)}; look at "
             "the target and the model there, begin at partial levels, or take a smaller gain."
@@ -84,18 +84,18 @@ class PlaybackBoundError(ValueError):
 def is_bounded(criteria: StopCriteria) -> bool:
     """Return whether any quantity of a playback is bounded.
 
-    `criteria`: Its bounds count.
-    Returns: False where every bound is None.
+    `criteria`: Criteria with the bounds.
+    Returns: False if every bound is None.
     """
     return any(getattr(criteria, quantity.value) is not None for quantity in BoundedQuantity)
 
 
 def passed_bound(metrics: IterationMetrics, criteria: StopCriteria, *, level: float) -> PassedBound | None:
-    """Return the bound that a playback passes furthest, relative to the bound, or None.
+    """Return the bound that a playback exceeds by the largest ratio, or None.
 
-    `metrics`: Of the playback, measured or predicted. `criteria`: Its bounds and its damage exponent count, relative to
-    the whole target whatever the level. `level`: Share of the target that it plays for, above 0 to 1.
-    Returns: None if the playback passes no bound.
+    `metrics`: Figures of the playback, measured or predicted. `criteria`: Criteria whose bounds and damage exponent are
+    used, relative to the whole target at every level. `level`: Share of the target that is played, above 0 to 1.
+    Returns: None if the playback exceeds no bound.
     """
     exponent = float(criteria.damage_exponent)
     column = DAMAGE_EXPONENTS.index(exponent)
@@ -118,4 +118,4 @@ def passed_bound(metrics: IterationMetrics, criteria: StopCriteria, *, level: fl
 
 
 NO_BOUNDS: Final[Mapping[str, None]] = MappingProxyType(dict.fromkeys(quantity.value for quantity in BoundedQuantity))
-"""Keyword arguments of `StopCriteria` for studies of what diverges, on rigs that nothing can damage."""
+"""Keyword arguments of `StopCriteria` for studies of divergence, on rigs without a risk of damage."""

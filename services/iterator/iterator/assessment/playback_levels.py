@@ -1,7 +1,7 @@
-"""Partial playback levels: a target is approached at a share of its size first, to protect the specimen.
+"""Partial playback levels: the first playbacks reproduce a share of the target, to protect the specimen.
 
-A playback at level `l` plays `l` times a drive and divides the response by `l`: in these units a linear rig answers the
-same at every level, so update, acceptance and errors need not know of it.
+A playback at level `l` plays `l` times a drive and divides the response by `l`: in these units the response of a linear
+rig is the same at every level, so update, acceptance and errors do not depend on the level.
 """
 
 from __future__ import annotations
@@ -31,19 +31,19 @@ def partial_playbacks(levels: Sequence[float]) -> int:
 def level_of(number: int, levels: Sequence[float]) -> float:
     """Return the level of a playback.
 
-    `number`: From 1. `levels`: Of the first playbacks.
+    `number`: From 1. `levels`: Levels of the first playbacks.
     Returns: Share of the target, above 0 to 1.
     """
     return float(levels[number - 1]) if number <= len(levels) else 1.0
 
 
 def comparable_history(history: IterationHistory, levels: Sequence[float]) -> IterationHistory:
-    """Return the playbacks that the next one is compared with: those at its level, or else the last one.
+    """Return the playbacks that the next one is compared with: those at its level, or the last one if there are none.
 
-    Where friction sticks at half level, errors of two levels say nothing about each other.
+    With friction that sticks at half level, errors at two levels are not comparable.
 
-    `history`: All playbacks so far, each divided by its level. `levels`: Of the first playbacks.
-    Returns: With the target and one playback at least, unless there is none yet.
+    `history`: All playbacks so far, each divided by its level. `levels`: Levels of the first playbacks.
+    Returns: History with the target and at least one playback, unless there is none yet.
     """
     count = len(history.playbacks)
     level = level_of(count + 1, levels)
@@ -57,13 +57,13 @@ def comparable_history(history: IterationHistory, levels: Sequence[float]) -> It
 def best_at_full_level(
     metrics: tuple[IterationMetrics, ...], levels: Sequence[float], *, outcome: Outcome | None = None, since: int = 0
 ) -> int:
-    """Return the number of the best playback of the whole target: the one that is judged, exported and confirmed.
+    """Return the number of the best playback of the whole target, which is judged, exported and confirmed.
 
-    `metrics`: From the first playback to the last. `levels`: Of the first playbacks. `outcome`: How the iteration ended
-    after the last playback; None before its end. Where the target was reached, the last playback is the best: it is the
-    one that fulfils all criteria, whatever the overall error of another. `since`: Playbacks before those whose figures
-    are comparable with the last one's.
-    Returns: From 1; 0 where none was at full level yet.
+    `metrics`: From the first playback to the last. `levels`: Levels of the first playbacks. `outcome`: Outcome of the
+    iteration after the last playback; None before its end. If the target was reached, the last playback is the best:
+    only it fulfils all criteria, regardless of the overall error of another. `since`: Number of playbacks before those
+    whose figures are comparable with the last one's.
+    Returns: Number from 1; 0 if no playback was at full level.
     """
     if outcome is Outcome.REACHED:
         return len(metrics)
@@ -75,16 +75,16 @@ def best_at_full_level(
 def judge_end_at_levels(
     metrics: tuple[IterationMetrics, ...], criteria: StopCriteria, levels: Sequence[float], *, since: int = 0
 ) -> Outcome | None:
-    """Say whether the iteration ends after the last playback, which may be at partial level.
+    """Return the outcome if the iteration ends after the last playback, which may be at partial level.
 
-    `metrics`: From the first playback to the last, one or more. `criteria`: When to end. `levels`: Of the first
-    playbacks. `since`: Playbacks before those whose figures are comparable with the last one's; they count for the
-    damage budget only.
-    Returns: None: continue.
+    `metrics`: From the first playback to the last, one or more. `criteria`: Stop criteria. `levels`: Levels of the
+    first playbacks. `since`: Number of playbacks before those whose figures are comparable with the last one's; they
+    count for the damage budget only.
+    Returns: None to continue.
     """
     partial = partial_playbacks(levels)
     if len(metrics) <= partial:
-        # The target is not reached at a part of its size, but it can diverge or cost too much damage there as well.
+        # A part of the target's size does not reach the target, but may also diverge or cost too much damage.
         ended = judge_end(metrics[since:], criteria.model_copy(update=_NOT_AT_A_PART), earlier=metrics[:since])
         return ended if ended in (Outcome.DIVERGED, Outcome.DAMAGE_BUDGET_USED) else None
     begun = max(partial, since)

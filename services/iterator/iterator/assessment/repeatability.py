@@ -15,18 +15,18 @@ from duralab_spectra import as_record, noise_floor, rms
 class Repeatability:
     """Several playbacks of one drive against its target; arrays have one value for each response.
 
-    All are relative to the target's RMS, and not a number where the target is silent.
+    All values are relative to the target's RMS, and NaN if the target is silent.
 
     Parameters
     ----------
     playbacks : int
-        How many there are, 2 or more.
+        Number of playbacks, 2 or more.
     noise_floor : ndarray, shape (n_y,)
-        What one playback differs from the mean of many: no drive gets below it.
+        RMS difference of one playback from the mean of many: no drive gets below it.
     relative_rms_error : ndarray, shape (n_y,)
         Root mean square over the playbacks of the relative RMS error.
     systematic_error : ndarray, shape (n_y,)
-        Estimate of the error without the noise: `sqrt(e² - n²)`, 0 where the noise explains the whole error.
+        Estimate of the error without the noise: `sqrt(e² - n²)`, 0 if the noise explains the whole error.
     """
 
     playbacks: int
@@ -48,7 +48,7 @@ def judge_repeatability(target: NDArray[np.float64], responses: Sequence[NDArray
     Returns
     -------
     Repeatability
-        Of all of them.
+        Figures of all playbacks.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Power spectral densities of a target and a response, to be drawn over each other, and how coherent they are."""
+"""Power spectral densities of a target and a response for an overlay plot, and their coherence."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from duralab_spectra import as_record, auto_spectra, line_frequencies, paired_sp
 
 @dataclass(frozen=True)
 class SpectrumOverlay:
-    """Power spectral densities of target and response, to be drawn over each other.
+    """Power spectral densities of target and response for an overlay plot.
 
     Parameters
     ----------
     frequency : ndarray, shape (lines,)
-        Hz.
+        Frequencies, Hz.
     target, response, error : ndarray, shape (lines, n_y)
-        Response unit squared per Hz.
+        Densities, response unit squared per Hz.
     coherence : ndarray, shape (lines, n_y)
-        Of response with target, 0 to 1; 0 at lines where either has no energy.
+        Coherence of the response with the target, 0 to 1; 0 at lines where either has no energy.
     """
 
     frequency: NDArray[np.float64]
@@ -34,16 +34,16 @@ class SpectrumOverlay:
 def overlay_spectra(
     target: NDArray[np.float64], response: NDArray[np.float64], *, sample_rate: float, block_samples: int
 ) -> SpectrumOverlay:
-    """Estimate the spectra of a target, a response and what they differ by.
+    """Estimate the spectra of a target, a response and their difference.
 
     Parameters
     ----------
     target, response : ndarray, shape (n_y, samples)
-        In the same units.
+        Records in the same units.
     sample_rate : float
-        Hz.
+        Sample rate, Hz.
     block_samples : int
-        Even, 2 or more; half of each block overlaps the next.
+        Block length, even, 2 or more; half of each block overlaps the next.
 
     Returns
     -------
@@ -68,6 +68,6 @@ def overlay_spectra(
         target=psd,
         response=power,
         error=error,
-        # Rounding alone takes a coherence of 1 past it.
+        # Rounding can make a coherence of 1 greater than 1.
         coherence=np.minimum(coherence, 1.0),
     )

@@ -31,22 +31,22 @@ def judge_end(
     *,
     earlier: tuple[IterationMetrics, ...] = (),
 ) -> Outcome | None:
-    """Decide if the iteration ends after the last playback; watched responses are not considered.
+    """Return the outcome if the iteration ends after the last playback; monitored responses are not considered.
 
     Parameters
     ----------
     metrics : tuple of IterationMetrics
-        From the first playback to the last, one or more.
+        Figures from the first playback to the last, one or more.
     criteria : StopCriteria
-        Reaching what is asked counts before diverging, then the damage budget, no more improvement, and all playbacks
-        being used.
+        Stop criteria, applied in this order: target reached, divergence, damage budget, no improvement, number of
+        playbacks.
     earlier : tuple of IterationMetrics
-        Playbacks before the first that counts, at partial level say: they count for the damage budget only.
+        Playbacks before the first counted one, e.g. at partial level: they count for the damage budget only.
 
     Returns
     -------
     Outcome or None
-        None: continue.
+        Outcome, or None to continue.
     """
     errors = np.array([figures.judged(figures.relative_rms_error) for figures in metrics])
     if _reached(metrics[-1], criteria):
@@ -63,25 +63,25 @@ def judge_end(
 
 
 def damage_spent(metrics: tuple[IterationMetrics, ...], *, exponent: float) -> NDArray[np.float64]:
-    """Return the damage that the identification and the playbacks have put into the specimen.
+    """Return the damage that the identification and the playbacks have spent on the specimen.
 
     Parameters
     ----------
     metrics : tuple of IterationMetrics
-        Of all playbacks, one or more.
+        Figures of all playbacks, one or more.
     exponent : float
         Slope of the S-N line, one of `DAMAGE_EXPONENTS`.
 
     Returns
     -------
     ndarray, shape (n_y,)
-        At each response, in passes of the target; each playback counts as the target at its level at least. An
-        identification whose damage is not known does not count.
+        Damage at each response, in passes of the target; each playback counts at least as the target at its level.
+        An identification of unknown damage does not count.
 
     Raises
     ------
     ValueError
-        Another exponent.
+        The exponent is not in `DAMAGE_EXPONENTS`.
     """
     spent = np.sum([figures.specimen_damage[:, _column(exponent)] for figures in metrics], axis=0)
     before = metrics[-1].identification_damage
@@ -89,10 +89,11 @@ def damage_spent(metrics: tuple[IterationMetrics, ...], *, exponent: float) -> N
 
 
 def would_overspend(metrics: tuple[IterationMetrics, ...], criteria: StopCriteria) -> bool:
-    """Return whether the next playback may pass the budget: it does the target's damage, or the last one's if more.
+    """Return whether the next playback may exceed the budget: it is expected to do at least the target's damage.
 
-    `metrics`: Of all playbacks, one or more. `criteria`: Its damage budget and exponent count.
-    Returns: At any controlled response.
+    `metrics`: Figures of all playbacks, one or more; the last playback's damage is expected if it is larger.
+    `criteria`: Damage budget and exponent.
+    Returns: True if a controlled response would exceed the budget.
     """
     exponent = criteria.damage_exponent
     last = metrics[-1]
@@ -122,7 +123,7 @@ def _improves(metrics: tuple[IterationMetrics, ...], criteria: StopCriteria) -> 
 
 
 def _column(exponent: float) -> int:
-    """Column of a damage figure that holds an exponent."""
+    """Return the column of a damage figure that holds an exponent."""
     if exponent not in DAMAGE_EXPONENTS:
         offered = ", ".join(f"{value:g}" for value in DAMAGE_EXPONENTS)
         raise ValueError(f"The exponent of the S-N line is {exponent:g}; damage is judged at {offered}.")

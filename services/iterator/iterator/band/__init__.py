@@ -1,4 +1,4 @@
-"""Control band: the lines that are controlled and judged, and the records seen through them."""
+"""Control band: controlled and judged lines, and records limited to them."""
 
 from iterator.band.band import ControlBand, control_band
 from iterator.band.outside_band import OutsideBand, energy_outside_band

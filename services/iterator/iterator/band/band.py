@@ -1,4 +1,4 @@
-"""The control band: where the target is prepared, responses are judged and drives are made."""
+"""Control band, in which the target is prepared, responses are judged and drives are made."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from iterator.band.rest import TARGET_FADE_SECONDS, faded
 # Usual widths of the flanks outside the band, as shares of its edges.
 _LOWER_FLANK_SHARE: Final = 0.5
 _UPPER_FLANK_SHARE: Final = 0.1
-# Where the excited band leaves less room than the usual flank, the flank takes the room, down to this share of itself.
+# If the excited band leaves less room than the usual flank, the flank takes the room, down to this share of itself.
 _NARROWEST_SHARE: Final = 0.25
 # Room and flank are differences of edges, and are rounded.
 _ROUNDING: Final = 1e-9
-# Zeros behind a record, in periods of the narrower flank: a flank's ringing has died out by then.
+# Zeros after a record, in periods of the narrower flank, in which a flank's ringing decays.
 _PADDING_PERIODS: Final = 16.0
-# Of the sample rate. A narrower flank rings for more samples than any target has, and half of the smallest number is 0.
+# Share of the sample rate. A narrower flank rings for more samples than any target has; half the smallest float is 0.
 _NARROWEST_FLANK: Final = 1e-9
 
 
@@ -33,24 +33,24 @@ class ControlBand:
     """Band in which a campaign reproduces and judges, with two nested masks whose smooth flanks lie outside it.
 
     Both masks are 1 from `lowest` to `highest`: the target is whole in the band. In the half of a flank next to the
-    band the *target mask* falls to 0, in the other half the *drive mask*, which drives and judged responses pass.
+    band the *target mask* falls to 0, in the other half the *drive mask*, which limits drives and judged responses.
     Where the target has energy the drive mask is therefore exactly 1, and the error of a linear plant with an exact
     model shrinks by exactly `1 - q` at every line; with one mask for both, the lines of its flanks would never follow.
 
-    A band from 0 Hz has no lower flank: means and slow parts are in the band, too. Records then count from the rig's
-    static response, not from the line between their own levels at start and end.
+    A band from 0 Hz has no lower flank: means and slow parts are in the band, too. Records are then relative to the
+    rig's static response, not to the line between their own levels at start and end.
 
     Parameters
     ----------
     lowest, highest : float
         Edges, Hz; `0 <= lowest < highest < sample_rate / 2`.
     sample_rate : float
-        Of all records, Hz.
+        Sample rate of all records, Hz.
     lower_flank, upper_flank : float
         Width of the flank below `lowest` and of the one above `highest`, Hz, greater than 0, but 0 below a band from 0
         Hz; they end at 0 Hz or above and at half the sample rate or below. See `control_band` for the usual ones.
     static_response : tuple of float, optional
-        Level of each channel of a record at drive 0, response units; given where `lowest` is 0, and only there.
+        Level of each channel of a record at drive 0, response units; given only if `lowest` is 0.
 
     Raises
     ------
@@ -113,54 +113,54 @@ class ControlBand:
         return self.highest + self.upper_flank
 
     def drive_mask(self, frequency: np.ndarray) -> NDArray[np.float64]:
-        """Weight of each line for drives and judged responses.
+        """Return the weight of each line for drives and judged responses.
 
         Parameters
         ----------
         frequency : ndarray, shape (lines,)
-            Hz.
+            Frequencies, Hz.
 
         Returns
         -------
         ndarray, shape (lines,)
-            0 to 1.
+            Weights, 0 to 1.
         """
         return self._mask(frequency, begins=1.0)
 
     def target_mask(self, frequency: np.ndarray) -> NDArray[np.float64]:
-        """Weight of each line for the target; `drive_mask` is 1 wherever this is greater than 0.
+        """Return the weight of each line for the target; `drive_mask` is 1 wherever this is greater than 0.
 
         Parameters
         ----------
         frequency : ndarray, shape (lines,)
-            Hz.
+            Frequencies, Hz.
 
         Returns
         -------
         ndarray, shape (lines,)
-            0 to 1.
+            Weights, 0 to 1.
         """
         return self._mask(frequency, begins=0.5)
 
     def _mask(self, frequency: np.ndarray, *, begins: float) -> NDArray[np.float64]:
-        """Mask whose flanks, half as wide as the band's, begin at a share of these from the band's edges."""
+        """Return a mask whose flanks, half as wide as the band's, begin at a share of these from the band's edges."""
         lower, upper = 0.5 * self.lower_flank, 0.5 * self.upper_flank
         start, end = self.lowest - begins * self.lower_flank, self.highest + begins * self.upper_flank
         if self.lowest == 0.0:
             return band_mask(frequency, 0.0, end, edge=upper)
-        # spectra's mask has edges of one width; a lower edge is what a mask with an upper edge only leaves.
+        # `band_mask` has edges of one width; a lower edge is the complement of a mask with an upper edge only.
         below = band_mask(frequency, 0.0, start + lower, edge=lower)
         return (1.0 - below) * band_mask(frequency, 0.0, end, edge=upper)
 
     @property
     def ringing_samples(self) -> int:
-        """Number of zeros in which what rings at the narrower flank has died out."""
+        """Number of zeros in which the ringing of the narrower flank decays."""
         narrower = min(self.lower_flank or self.upper_flank, self.upper_flank)
-        # One mask's flank is half of the band's.
+        # A mask's flank is half as wide as the band's.
         return math.ceil(_PADDING_PERIODS * self.sample_rate / (0.5 * narrower))
 
     def transform_samples(self, samples: int) -> int:
-        """Length of a transform that filters a record of this length without wrap-around.
+        """Return the length of a transform that filters a record of this length without wrap-around.
 
         Parameters
         ----------
@@ -170,13 +170,13 @@ class ControlBand:
         Returns
         -------
         int
-            A multiple of four: the record, and zeros for what rings before its start and after its end.
+            A multiple of four: the record, and zeros for the ringing before its start and after its end.
         """
         quarter = math.ceil((samples + max(samples, self.ringing_samples)) / 4)
         return 4 * cast(int, next_fast_len(quarter, real=True))
 
     def transform(self, samples: int) -> BandedTransform:
-        """Transform of records of one length to the lines of the band and back, without wrap-around.
+        """Return the transform of records of one length to the lines of the band and back, without wrap-around.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class ControlBand:
         Returns
         -------
         BandedTransform
-            For one thread.
+            Transform for use by one thread.
         """
         return BandedTransform(
             self.transform_samples(samples),
@@ -201,44 +201,44 @@ class ControlBand:
         Parameters
         ----------
         target : ndarray, shape (channels, samples)
-            As measured; what is static is left out as `dynamic_part` does, and the first and the last
+            Target as measured; its static part is removed as in `dynamic_part`, and the first and the last
             `TARGET_FADE_SECONDS` fade, because a rig begins and ends at rest.
 
         Returns
         -------
         ndarray, shape (channels, samples)
-            In the target's units.
+            Prepared target in the target's units.
         """
         dynamic = faded(self.dynamic_part(target), sample_rate=self.sample_rate, seconds=TARGET_FADE_SECONDS)
         return self._limit(dynamic, self.target_mask)
 
     def limit_response(self, response: np.ndarray) -> NDArray[np.float64]:
-        """Return a response's dynamic part as it is judged: in the control band, without delay.
+        """Return the judged part of a response: its dynamic part in the control band, without delay.
 
         Parameters
         ----------
         response : ndarray, shape (channels, samples)
-            As measured; what is static is left out as `dynamic_part` does.
+            Response as measured; its static part is removed as in `dynamic_part`.
 
         Returns
         -------
         ndarray, shape (channels, samples)
-            In the response's units.
+            Judged response in the response's units.
         """
         return self._limit(self.dynamic_part(response), self.drive_mask)
 
     def limit_drive(self, drive: np.ndarray) -> NDArray[np.float64]:
-        """Return a drive as the band lets it pass, without delay.
+        """Return a drive limited to the band, without delay.
 
         Parameters
         ----------
         drive : ndarray, shape (n_u, samples)
-            Including its parts outside the band.
+            Drive, including its parts outside the band.
 
         Returns
         -------
         ndarray, shape (n_u, samples)
-            In the drive's units.
+            Limited drive in the drive's units.
         """
         return self._limit(np.array(drive, dtype=np.float64), self.drive_mask)
 
@@ -248,18 +248,18 @@ class ControlBand:
         Parameters
         ----------
         samples : ndarray, shape (channels, samples)
-            As measured; the static part is between its levels at start and end. For a band from 0 Hz it is the static
-            response alone: a mean or a drift beside it stays.
+            Record as measured; its static part is the line between its levels at start and end. For a band from 0 Hz it
+            is only the static response: a mean or a drift stays.
 
         Returns
         -------
         ndarray, shape (channels, samples)
-            In the record's units.
+            Dynamic part in the record's units.
 
         Raises
         ------
         ValueError
-            The record is not valid, or has not one channel for each value of `static_response`.
+            The record is not valid, or its number of channels is not that of `static_response`.
         """
         if self.static_response is not None:
             record = as_record(samples, name="record")
@@ -284,17 +284,17 @@ class ControlBand:
         return limited
 
     def static_levels(self, samples: np.ndarray) -> NDArray[np.float64]:
-        """Return the levels at start and end between which a record's static part lies; for a band above 0 Hz.
+        """Return the levels at start and end that define a record's static part, for a band above 0 Hz.
 
         Parameters
         ----------
         samples : ndarray, shape (channels, samples)
-            As measured.
+            Record as measured.
 
         Returns
         -------
         ndarray, shape (channels, 2)
-            In the record's units.
+            Levels in the record's units.
         """
         return static_levels(samples, lowest=self.lowest, sample_rate=self.sample_rate)
 
@@ -316,20 +316,20 @@ def control_band(
     lowest, highest : float
         Edges, Hz; `0 <= lowest < highest < sample_rate / 2`. The target is whole between them.
     sample_rate : float
-        Of all records, Hz.
+        Sample rate of all records, Hz.
     excited : tuple of float, optional
-        Lowest and highest frequency at which the rig is identified, Hz, the lowest 0 where its static gain is; the band
-        and its flanks must lie within.
+        Lowest and highest frequency at which the rig is identified, Hz, the lowest 0 if its static gain is
+        identified; the band and its flanks must lie within.
     lower_flank, upper_flank : float, optional
-        Width of the flank below and above, Hz. Not given: half of `lowest` and a tenth of `highest`, or the room that
-        the excited band leaves, where that is less and at least a quarter of it. A narrow flank rings longer.
+        Width of the flank below and above, Hz. If not given: half of `lowest` and a tenth of `highest`, or the room
+        in the excited band if that is less and at least a quarter of it. A narrow flank rings longer.
     static_response : iterable of float, optional
         Response of each channel at drive 0, for a band from 0 Hz; see `ControlBand`.
 
     Returns
     -------
     ControlBand
-        Drives have energy in it and in its flanks.
+        Control band; drives have energy in it and in its flanks.
 
     Raises
     ------

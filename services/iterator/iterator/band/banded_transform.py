@@ -1,8 +1,8 @@
-"""Records to the lines of a band and back, by a few short transforms in place of a long one.
+"""Transforms of records to the lines of a band and back, by a few short transforms instead of a long one.
 
-A transform of `N` samples is the sum of the transforms of every `D`-th of them, each turned by where it starts:
-`X[k] = Σ_r wʳ X_r[k]` with `w = exp(-2πi k / N)`. Where a band ends below half the rate of such a phase, none of the
-lines above it are ever made, and what a transform works on is so much smaller that it stays in the cache.
+A transform of `N` samples is the sum of the transforms of every `D`-th of them, each rotated by its start:
+`X[k] = Σ_r wʳ X_r[k]` with `w = exp(-2πi k / N)`. If a band ends below half the rate of such a phase, the lines above
+it are never computed, and the arrays of a transform are small enough to stay in the cache.
 """
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-# A transform takes rows in pairs; more phases than four only add turns.
+# A transform processes rows in pairs; more than four phases only add rotations.
 _PHASES: Final = (4, 2, 1)
 
 
 class BandedTransform:
-    """Transforms records that are padded with zeros to one length; not to be used by two threads at once.
+    """Transforms records that are padded with zeros to one length; not safe for two threads at once.
 
-    `length`: Of a record with its zeros, samples; quickest as a multiple of four. `sample_rate`: Hz. `lowest`,
-    `highest`: The band, Hz; at most half the sample rate. The line at `highest` is not in it.
+    `length`: Number of samples of a record with its zeros; fastest as a multiple of four. `sample_rate`: Hz. `lowest`,
+    `highest`: The band, Hz; at most half the sample rate. The line at `highest` is excluded.
     """
 
     def __init__(self, length: int, *, sample_rate: float, lowest: float, highest: float) -> None:
@@ -37,10 +37,10 @@ class BandedTransform:
         self._padded = np.zeros((self._phases, self._phase_length))
         self._whole = np.zeros((self._phases, self._phase_length // 2 + 1), dtype=np.complex128)
         self.frequency: NDArray[np.float64] = lines[self._inside]
-        """ndarray, shape (lines,): Hz, of the lines in the band."""
+        """Frequencies of the lines in the band, Hz: ndarray, shape (lines,)."""
 
     def lines(self, samples: NDArray[np.float64], *, weight: NDArray[np.float64], out: NDArray[np.complex128]) -> None:
-        """Transform one channel."""
+        """Compute the weighted lines of one channel."""
         for phase, row in enumerate(self._padded):
             every = samples[phase :: self._phases]
             row[: every.size] = every
@@ -52,7 +52,7 @@ class BandedTransform:
         out *= weight
 
     def samples(self, lines: NDArray[np.complex128], *, out: NDArray[np.float64]) -> None:
-        """Transform the lines of one channel back; there is nothing outside the band."""
+        """Compute the samples of one channel from its lines; lines outside the band are 0."""
         inside = self._whole[:, self._inside]
         np.multiply(lines, 1.0 / self._phases, out=inside[0])
         for before, phase in pairwise(inside):
@@ -64,5 +64,5 @@ class BandedTransform:
 
 
 def _fit(phases: int, *, length: int, stop: int) -> bool:
-    """Whether the band's lines are below half the rate of each phase."""
+    """Return whether the band's lines are below half the rate of each phase."""
     return phases == 1 or (length % phases == 0 and 2 * (stop - 1) < length // phases)

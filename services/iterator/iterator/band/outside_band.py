@@ -13,7 +13,7 @@ from iterator.band.band import ControlBand
 
 @dataclass(frozen=True)
 class OutsideBand:
-    """Energy of a target's dynamic part, without its mean but for a band from 0 Hz, that lies outside the control band.
+    """Energy of a target's dynamic part outside the control band; except for a band from 0 Hz, without its mean.
 
     Parameters
     ----------
@@ -27,14 +27,14 @@ class OutsideBand:
 
 
 def energy_outside_band(target: NDArray[np.float64], band: ControlBand) -> OutsideBand:
-    """Measure what the control band leaves of a target.
+    """Return the energy of a target outside the control band.
 
     Parameters
     ----------
     target : ndarray, shape (n_y, samples)
-        As measured.
+        Target as measured.
     band : ControlBand
-        In which it is reproduced.
+        Control band of the campaign.
 
     Returns
     -------
@@ -44,7 +44,7 @@ def energy_outside_band(target: NDArray[np.float64], band: ControlBand) -> Outsi
     Raises
     ------
     ValueError
-        The target is no record or not finite.
+        The target is not a record or not finite.
 
     Notes
     -----
@@ -52,12 +52,12 @@ def energy_outside_band(target: NDArray[np.float64], band: ControlBand) -> Outsi
     """
     dynamic = band.dynamic_part(target)
     if band.lowest > 0.0:
-        # The mean of a ride beside the rest around it is static, too.
+        # The mean of a ride with rest before and after it is static, too.
         dynamic -= dynamic.mean(axis=1, keepdims=True)
     length = band.transform_samples(dynamic.shape[1])
     frequency = line_frequencies(length, band.sample_rate)
     energy = np.abs(np.fft.rfft(dynamic, length, axis=1)) ** 2
-    # Every line but those at 0 and at half the sample rate stands for two.
+    # Every line except those at 0 and at half the sample rate also counts for its negative frequency.
     energy[:, 1:-1] *= 2.0
     total = energy.sum(axis=1)
     sides = frequency < band.lowest, frequency > band.highest

@@ -1,4 +1,4 @@
-"""Targets and drives that begin and end at rest, because a rig does."""
+"""Fades of targets and drives, which begin and end at rest because a rig does."""
 
 from __future__ import annotations
 
@@ -8,19 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 TARGET_FADE_SECONDS: Final = 0.25
-"""Time in which a target rises from rest at its start, and returns to it at its end."""
+"""Time in s in which a target rises from rest at its start, and returns to rest at its end."""
 DRIVE_FADE_SECONDS: Final = 0.05
-"""The same of a drive: short beside the target's, so that the fade itself is no error worth a correction."""
-# A short record fades for this share of itself at most.
+"""Fade of a drive in s: short compared with the target's, so that the fade causes no error to correct."""
+# Largest share of a short record for each fade.
 _LARGEST_SHARE: Final = 0.125
 
 
 def faded(samples: NDArray[np.float64], *, sample_rate: float, seconds: float) -> NDArray[np.float64]:
     """Return a record that rises from 0 at its first sample and falls to 0 at its last one.
 
-    `samples`, shape (channels, samples): Around rest, in any unit. `sample_rate`: Hz, greater than 0. `seconds`:
-    Duration of each fade, 0 or more; an eighth of the record at most. It rises as a squared sine.
-    Returns: shape (channels, samples): A copy.
+    `samples`, shape (channels, samples): Relative to rest, in any unit. `sample_rate`: Hz, greater than 0. `seconds`:
+    Duration of each fade, 0 or more; an eighth of the record at most. The fade is a squared sine.
+    Returns: Copy of the record, shape (channels, samples).
     """
     count = samples.shape[1]
     result = samples.copy()

@@ -1,4 +1,4 @@
-"""Stretches of a record in which something holds."""
+"""Time segments of a record in which a condition holds."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Segment:
-    """A stretch of a record.
+    """A time segment of a record.
 
     Parameters
     ----------
     start, end : float
-        From the record's start, s; `0 <= start < end`.
+        Time from the record's start, s; `0 <= start < end`.
     """
 
     start: float
@@ -23,21 +23,21 @@ class Segment:
 
 
 def segments_of(holds: NDArray[np.bool_], *, sample_rate: float, largest_gap: float = 0.5) -> tuple[Segment, ...]:
-    """Join the samples at which something holds to stretches of time.
+    """Join the samples at which a condition holds to time segments.
 
     Parameters
     ----------
     holds : ndarray of bool, shape (samples,)
-        At each sample.
+        Condition at each sample.
     sample_rate : float
-        Hz, greater than 0.
+        Sample rate, Hz, greater than 0.
     largest_gap : float
-        Stretches that are less than this apart are one, s, 0 or more.
+        Segments with a smaller gap between them are joined, s, 0 or more.
 
     Returns
     -------
     tuple of Segment
-        In order, except one another; empty where it holds nowhere.
+        Segments in order; empty if the condition never holds.
     """
     where = np.flatnonzero(holds)
     if where.size == 0:

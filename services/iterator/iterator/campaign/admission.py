@@ -11,7 +11,7 @@ from duralab_proto.v1 import identifier_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign.recorded import RecordedCampaign, read_campaign
 
 _DISCOVERY_SECONDS: Final = 1.5
-# A run is named after its campaign and is a name itself; this is the most that is added, in a further attempt.
+# The name of a run begins with its campaign's id and may be as long as a name; this is the longest suffix.
 _LONGEST_ID: Final = LONGEST_NAME - len(".i4294967295-999")
 
 
@@ -19,7 +19,7 @@ def already_exists(campaign: str, *, field: str = "id") -> FaultError:
     """Return the fault for an id that is already used.
 
     `campaign`: The id. `field`: Field of the request that holds it.
-    Returns: ALREADY_EXISTS; not raised here.
+    Returns: ALREADY_EXISTS, which is not raised here.
     """
     return FaultError(
         query_pb2.FAULT_CODE_ALREADY_EXISTS,
@@ -44,7 +44,7 @@ def require_name(check: Callable[[str], str], name: str, *, field: str) -> None:
 def require_id(id: str, *, field: str = "id") -> None:
     """Refuse an id that the contract does not allow, or that leaves no room for the names of the campaign's runs.
 
-    `id`: Of a campaign, as received. `field`: Field of the request that holds it.
+    `id`: Id of a campaign, as received. `field`: Field of the request that holds it.
     Raises `FaultError`: INVALID_ARGUMENT with the field.
     """
     require_name(check_id, id, field=field)
@@ -60,7 +60,7 @@ def require_id(id: str, *, field: str = "id") -> None:
 def expect_free_id(bus: Bus, campaign: str, *, field: str = "id") -> None:
     """Refuse an id that has a recording; refuse a campaign whose services are not on the bus.
 
-    `bus`: Where identifier and recorder are. `campaign`: The id. `field`: Field of the request that holds it.
+    `bus`: Bus of the identifier and the recorder. `campaign`: The id. `field`: Field of the request that holds it.
     Raises `FaultError`: ALREADY_EXISTS with the field, UNAVAILABLE for a missing service.
     """
     bus.wait_for_live({("identifier", MAIN_INSTANCE)}, _DISCOVERY_SECONDS)
@@ -74,9 +74,9 @@ def expect_free_id(bus: Bus, campaign: str, *, field: str = "id") -> None:
 
 
 def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescription) -> None:
-    """Refuse a rig that was changed since it was identified.
+    """Refuse a rig that was changed after its identification.
 
-    `model`: From the identification. `description`: Of the rig now.
+    `model`: Model from the identification. `description`: Present description of the rig.
     Raises `FaultError`: FAILED_PRECONDITION with the field `rig`.
     """
     if model.rig_content_hash != description.content_hash:
@@ -89,11 +89,11 @@ def require_same_rig(model: identifier_pb2.Model, description: rig_pb2.RigDescri
 
 
 def read_parent(bus: Bus, recorded: RecordedCampaign) -> RecordedCampaign:
-    """Read back the campaign that another one was resumed from, with all that is taken over from it.
+    """Read the campaign that another one was resumed from.
 
-    `bus`: Where the recorder is. `recorded`: The campaign that takes over.
+    `bus`: Bus of the recorder. `recorded`: The resumed campaign.
     Returns: Its parent.
-    Raises `FaultError`: FAILED_PRECONDITION where the parent is not there or does not hold as much.
+    Raises `FaultError`: FAILED_PRECONDITION if the parent is missing or holds too few playbacks.
     """
     spec = recorded.spec
     try:
@@ -119,9 +119,9 @@ def _no_parent(recorded: RecordedCampaign, why: str) -> FaultError:
 
 
 def go_on_recording(bus: Bus, recorded: RecordedCampaign) -> None:
-    """Make sure that the recorder continues with a recording; close it where only that is missing.
+    """Check that the recorder can continue a recording; close the recording if only that is missing.
 
-    `bus`: Where the recorder is. `recorded`: Not closed.
+    `bus`: Bus of the recorder. `recorded`: A recording that is not closed.
     Raises `FaultError`: FAILED_PRECONDITION if the recorder cannot continue it because a file of it is damaged.
     """
     log = RecordingLog(bus, recorded.spec.id, next_step=recorded.steps)

@@ -51,11 +51,11 @@ _PAUSED: Final = "paused"
 
 
 class Campaign:
-    """Runs one campaign on its own thread. A motion is asked for once and never again.
+    """Runs one campaign on a separate thread. A motion is requested once and never repeated.
 
-    `plan`: Checked. `bus`: Where rig, identifier and recorder are. `board`: Shows the others how it goes. `on_end`:
-    Called on the campaign's thread when the rig is free again, before the final status shows. `resumption`: What was
-    done before; nothing where not given. `known`: What is known of the rig before the first playback.
+    `plan`: Checked plan. `bus`: Bus of rig, identifier and recorder. `board`: Status board for the clients. `on_end`:
+    Called on the campaign's thread when the rig is free again, before the final status is shown. `resumption`: Steps
+    done before; none if not given. `known`: Knowledge of the rig before the first playback.
     """
 
     def __init__(
@@ -99,24 +99,24 @@ class Campaign:
         return self._holds.plan
 
     def start(self) -> None:
-        """Begin; return at once."""
+        """Start the campaign's thread and return at once."""
         self._board.start_repeating()
         threading.Thread(target=self._run, name=f"campaign-{self._id}", daemon=True).start()
 
     def stop(self, reason: str, *, latch: bool = True) -> None:
-        """Ask it to end: a playback is broken off, nothing new is begun. Return at once.
+        """Request the end of the campaign and return at once: a playback is interrupted, no further step begins.
 
-        `reason`: In words; kept in the recording. `latch`: Latch the rig whatever it does then, also between two
-        playbacks. Otherwise only a playback that is broken off latches it.
+        `reason`: Reason as text, kept in the recording. `latch`: Latch the rig in any state, also between two
+        playbacks. Otherwise only an interrupted playback latches it.
         """
-        # First: the campaign's thread may end as soon as the event is set.
+        # Before the event: the campaign's thread may end as soon as the event is set.
         self._latching = self._latching or latch
         if not self._stop.is_set():
             self._stop_reason = reason
             self._stop.set()
 
     def decide(self, decision: iterator_pb2.Decision, call: Call) -> None:
-        """Take a decision on the proposal that the campaign waits with; return when it is stored."""
+        """Apply a decision on the open proposal; return when it is stored."""
         self._holds.answer(decision, call)
 
     def _run(self) -> None:
@@ -132,10 +132,10 @@ class Campaign:
             self._board.end(final)
 
     def _performed(self) -> iterator_pb2.CampaignStatus:
-        """Do all steps, tidy up, and return the final status."""
+        """Do all steps, bring the rig to rest, and return the final status."""
         final = self._ended()
         if self._latching and not self._latched:
-            # Stopped when nothing was left to break off.
+            # Stopped when no motion was left to interrupt.
             self._halt(final)
         return final
 
@@ -152,7 +152,7 @@ class Campaign:
         return self._finished(outcome)
 
     def _sequence(self) -> Outcome:
-        """Do all steps that were not done before; return why the iteration ended."""
+        """Do all remaining steps; return why the iteration ended."""
         plan = self._plan
         beginning = (
             ("specification", plan.spec),
@@ -229,7 +229,7 @@ class Campaign:
                 return last.outcome
 
     def _ended_at_hold_point(self, sentence: str) -> Outcome:
-        """End by a decision: with the best playback so far, or as stopped where there is none."""
+        """End by a decision: with the best playback so far, or as stopped if there is none."""
         self._board.add_remarks([f"{sentence.rstrip('.')}."])
         if self._best is None:
             self.stop(sentence, latch=False)
@@ -237,7 +237,7 @@ class Campaign:
         return Outcome.ENDED_AT_HOLD_POINT
 
     def _store_playback(self, step: StepT, *, drive: NDArray[np.float64], response: NDArray[np.float64]) -> StepT:
-        """Store a playback: its samples are those of its run, or where the recorder lacks them, go with it."""
+        """Store a playback; its samples are left to its run, or stored with it if the recorder lacks some."""
         whole = with_samples(step, description=self._plan.description, drive=drive, response=response)
         try:
             self._log.commit(step)
@@ -252,15 +252,15 @@ class Campaign:
         return whole
 
     def _go_on_after(self, model: identifier_pb2.Model) -> None:
-        """Bring the recording to the end of the steps that were done before."""
+        """Store the copied steps and the missing RunPlayed steps of the earlier attempt."""
         before = self._before
         with self._doing("reading back what was done", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
             self._estimate.step_was_done()
             self._journal.info("The campaign goes on.", playbacks=len(before.iterations), parent=self._plan.spec.parent)
             for message in before.copies:
                 self._log.commit(message)
-            # A crash may have come between a result and the proof that its run was recorded; the runs of what was
-            # taken over are in the parent's recording.
+            # A crash may have come between a result and the RunPlayed of its run; the runs of copied results are in the
+            # parent's recording.
             for result in (model, *before.iterations, *before.confirmations):
                 if result.run in before.planned and result.run not in before.played:
                     self._log.commit(run_played(result, rig=self.rig))
@@ -314,12 +314,12 @@ class Campaign:
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, str(error)) from error
 
     def _foretell(self, forecast: Forecast) -> None:
-        """Show what is predicted of the next playback, before it is made."""
+        """Show the predicted error of the next playback before it is played."""
         error = forecast.metrics.overall_relative_rms_error
         self._board.show(f"predicted error of {self._iteration_name()}: {error:.1%}", self._estimate.at(0.0))
 
     def _play(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Play a drive on the rig: what the iteration calls."""
+        """Play a drive on the rig; callback of the iteration."""
         number, outer = len(self._metrics) + 1, self._step
         activity = f"playing {self._iteration_name()} on {self.rig}"
         with self._doing(activity):
@@ -334,7 +334,7 @@ class Campaign:
         return response
 
     def _confirm(self, outcome: Outcome, best: Iteration) -> None:
-        """Play the best drive again, as often as is asked, and show how far the rig repeats itself."""
+        """Play the best drive again the requested number of times, and show the repeatability of the rig."""
         recorded = self._before.confirmations
         for _ in recorded:
             self._estimate.step_was_done()
@@ -344,7 +344,7 @@ class Campaign:
             self._board.add_confirmation(shown.repeatability, metrics=shown.metrics, remarks=shown.remarks)
 
     def _again(self, best: Iteration, number: int) -> iterator_pb2.ConfirmationStep:
-        """Play the best drive once more and store it; return the step with its samples."""
+        """Play the best drive again and store the playback; return the step with its samples."""
         plan, name = self._plan, f"confirmation {number} of {self._plan.spec.confirmations}"
         activity = f"playing {name} on {self.rig}"
         with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_CONFIRMING):
@@ -373,12 +373,12 @@ class Campaign:
     def _doing(
         self, activity: str, *, phase: iterator_pb2.CampaignPhase | None = None, share: float = 0.0
     ) -> Iterator[None]:
-        """Show a step, and name it in the fault it may end with, or that comes before the next one."""
+        """Show a step, and name it in a fault that ends it or that comes before the next one."""
         if self._stop.is_set():
             raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
         self._step = activity
         self._board.show(activity, self._estimate.at(share), phase=phase)
-        # What it asks of others is a span inside: what is left is the work of the iterator.
+        # Queries to other services are nested spans: the rest is the work of the iterator.
         with span(activity, SpanKind.MATHEMATICS):
             yield
 
@@ -391,7 +391,7 @@ class Campaign:
         return follow
 
     def _show_proposal(self, proposal: iterator_pb2.Proposal | None, waited_seconds: float) -> None:
-        """Show what a person is to decide on, or that it is decided."""
+        """Show the open proposal, or that it is decided."""
         self._board.show_proposal(None if proposal is None else without_samples(proposal))
         if proposal is None:
             self._estimate.waited(waited_seconds)
@@ -402,7 +402,7 @@ class Campaign:
         self._board.show(self._step, self._estimate.at(0.0))
 
     def _show_waiting(self, why: str) -> None:
-        """Say that the campaign pauses, because its next step cannot be stored yet."""
+        """Show that the campaign pauses because its next step cannot be stored yet."""
         if why and not self._board.snapshot().activity.startswith(_PAUSED):
             self._journal.warning("The campaign waits for its recorder.", step=self._step, why=why)
         self._board.show(f"{_PAUSED} while {self._step}: {why}" if why else self._step, self._estimate.at(0.0))
@@ -417,14 +417,14 @@ class Campaign:
             self._step = "closing the recording"
             self._log.close(final, reason=final.activity)
         except FaultError as fault:
-            # The recorder may hold the end all the same: another one beside it would say that a whole result failed.
+            # The recorder may hold the end all the same: a second end would report a complete result as failed.
             self._journal.warning("The recording of a finished campaign was not closed.", why=fault.message)
             message = f"{fault.message} All playbacks are made and stored: resume it, and it ends without a motion."
             return self._final_fault(FaultError(fault.code, message, field=fault.field, service=fault.service))
         return final
 
     def _broken_off(self, fault: FaultError) -> iterator_pb2.CampaignStatus:
-        """Bring the rig to rest, close the recording as far as that goes, and say why."""
+        """Bring the rig to rest, close the recording if possible, and return the final status with the fault."""
         final = self._final_fault(fault)
         self._halt(final)
         if self._log.begun:
@@ -435,7 +435,7 @@ class Campaign:
         return final
 
     def _halt(self, final: iterator_pb2.CampaignStatus) -> None:
-        """Bring the rig to rest, and latch it where the campaign was stopped."""
+        """Bring the rig to rest, and latch it if the campaign was stopped."""
         run, self._latched = self._playback.moving_run, self._latching
         halt_rig(self._bus, self.rig, final, run=run, reason=self._stop_reason, latch=self._latching)
 

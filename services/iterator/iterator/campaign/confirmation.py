@@ -1,4 +1,4 @@
-"""Confirming a result: which drive is played again and how often, and what its playbacks come to as messages."""
+"""Confirmation of a result: playbacks of the best drive, their number, and their figures as messages."""
 
 from __future__ import annotations
 
@@ -31,8 +31,8 @@ from iterator.playbacks import Iteration
 class ConfirmationReport:
     """Report after one of the playbacks that confirm the result.
 
-    `repeatability`: Of all so far; None where there was no further one. `metrics`: Figures of the last one, as a
-    message; None where there was no further one. `remarks`: Why not, one sentence.
+    `repeatability`: Repeatability of all playbacks so far. `metrics`: Figures of the last one, as a message. Both are
+    None if there was no further playback. `remarks`: Reason for that, one sentence.
     """
 
     repeatability: iterator_pb2.Repeatability | None = None
@@ -49,7 +49,7 @@ def confirmed(
     recorded: Sequence[iterator_pb2.ConfirmationStep],
     play: Callable[[Iteration, int], iterator_pb2.ConfirmationStep],
 ) -> Iterator[ConfirmationReport]:
-    """Play the best drive again, as often as the campaign asks and nothing speaks against it."""
+    """Play the best drive again the requested number of times, unless a reason speaks against it."""
     asked, responses, spent = plan.spec.confirmations, [best.response_in_band], tuple(metrics)
     for number in range(1, asked + 1):
         if number <= len(recorded):
@@ -93,7 +93,7 @@ def _stood_still(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> 
 
 
 def reason_against(outcome: Outcome, spent: tuple[IterationMetrics, ...], criteria: StopCriteria) -> str | None:
-    """Return why the best drive is not played once more, as text; None where nothing speaks against it."""
+    """Return why the best drive is not played again, as text; None if there is no reason."""
     if outcome is Outcome.DIVERGED:
         return "the iteration diverged"
     if outcome is Outcome.RESPONSE_STOOD_STILL:
@@ -130,7 +130,7 @@ def confirmation_message(
     iteration: int,
     plan: CampaignPlan,
 ) -> iterator_pb2.ConfirmationStep:
-    """Return a playback of the best drive as it is committed: it names the samples of its run."""
+    """Return a playback of the best drive as it is committed: it refers to the samples of its run."""
     metrics = judge_confirmation(response_in_band, response, plan=plan)
     return iterator_pb2.ConfirmationStep(
         number=number,
@@ -153,7 +153,7 @@ def confirmation_message(
 
 
 def recorded_confirmation(step: iterator_pb2.ConfirmationStep, *, plan: CampaignPlan) -> NDArray[np.float64]:
-    """Return the response of a playback that was committed, as it is judged; FaultError DATA_LOSS where damaged."""
+    """Return the judged response of a committed playback; raises FaultError DATA_LOSS if it is damaged."""
     shape = plan.target_in_band.shape
     try:
         measured = from_array(step.response.samples, field="response.samples", shape=shape, dtype=np.float64)
@@ -169,7 +169,7 @@ def recorded_confirmation(step: iterator_pb2.ConfirmationStep, *, plan: Campaign
 def repeatability_message(
     responses_in_band: Sequence[NDArray[np.float64]], *, iteration: int, plan: CampaignPlan
 ) -> iterator_pb2.Repeatability:
-    """Return how far the rig repeats itself."""
+    """Return the repeatability of the rig."""
     found = judge_repeatability(plan.target_in_band, responses_in_band)
     return iterator_pb2.Repeatability(
         iteration=iteration,

@@ -33,12 +33,12 @@ _PROGRESS_SECONDS: Final = 1.0
 
 
 class EndedAtHoldPointError(Exception):
-    """A person ended the campaign; the message is one sentence."""
+    """End of the campaign by a person's decision; the message is one sentence."""
 
 
 @dataclass(frozen=True)
 class _Revised:
-    """A campaign after a decision: its plan, and what the loop is to change."""
+    """A campaign after a decision: its plan, and the changes of the loop."""
 
     plan: CampaignPlan
     revision: Revision | None = None
@@ -56,9 +56,9 @@ class _Answer:
 class Holds:
     """The hold points of a campaign. `decide` is called on the campaign's thread, `answer` on any.
 
-    `plan`: Checked. `log`: Where proposals and decisions are stored. `before`: What was done before. `stop`: Ends the
-    waiting. `on_wait`: Called with a proposal when the campaign waits for a decision on it, and with None and how many
-    seconds it waited when that has come.
+    `plan`: Checked plan. `log`: Log of proposals and decisions. `before`: Steps done before. `stop`: Event that ends
+    the waiting. `on_wait`: Called with a proposal when the campaign waits for a decision on it, and with None and the
+    waited time in s when the decision has come.
     """
 
     def __init__(
@@ -71,7 +71,7 @@ class Holds:
         on_wait: Callable[[iterator_pb2.Proposal | None, float], None],
     ) -> None:
         self.plan = plan
-        """The plan in use: that of the specification, with what was decided since."""
+        """The plan in use: that of the specification, with the later decisions applied."""
         self._log = log
         self._stop = stop
         self._on_wait = on_wait
@@ -93,11 +93,11 @@ class Holds:
         return self.plan.hold.when is not HoldPoint.NEVER
 
     def begin(self, model: identifier_pb2.Model, identified: RigModel) -> None:
-        """Take the model that the iteration starts from."""
+        """Set the model that the iteration starts from."""
         self._model, self._identified = model, identified
 
     def decide(self, number: int, proposed: ProposedPlayback | None) -> Revision | None:
-        """Return what a decision changes before a playback, or None where it is played; see `iterator.holds.Decide`."""
+        """Return the changes of a decision before a playback, or None to play it; see `iterator.holds.Decide`."""
         if proposed is None:
             return self._decided_before(number)
         reason = self._reason(proposed)
@@ -110,7 +110,7 @@ class Holds:
         return self._waited_for(proposal)
 
     def _decided_before(self, number: int) -> Revision | None:
-        """Return the next revision that a recorded playback was made with."""
+        """Return the next revision before a recorded playback."""
         while self._proposals and self._proposals[0].playback <= number:
             self._proposals.popleft()
         while self._decisions and self._decisions[0].playback <= number:
@@ -120,7 +120,7 @@ class Holds:
         return None
 
     def _reason(self, proposed: ProposedPlayback) -> str:
-        """Return why the campaign waits; a change or a way back is always followed by another proposal."""
+        """Return why the campaign waits; a change or a step back is always followed by another proposal."""
         if self._revised_playback == proposed.number:
             return "The drive was made again by a decision"
         is_first = proposed.number == self._own_playbacks_from
@@ -136,7 +136,7 @@ class Holds:
         )
 
     def _stored(self, proposed: ProposedPlayback, reason: str) -> iterator_pb2.Proposal:
-        """Return the proposal once it is stored: the recorded one where this is the same drive again."""
+        """Return the stored proposal: the recorded one if the drive is the same again."""
         replaces = 0
         if self._proposals:
             recorded = self._proposals.popleft()
@@ -144,7 +144,7 @@ class Holds:
             proposal.replaces = recorded.replaces
             if proposal.SerializeToString(deterministic=True) == recorded.SerializeToString(deterministic=True):
                 return recorded
-            # Another machine may make other last bits. What was decided on was another drive: it is decided again.
+            # Another machine may compute other last bits. The decision was on another drive, so it must be made again.
             structlog.get_logger("iterator").warning(
                 "A recorded proposal differs from the drive made again; it is proposed again.", proposal=recorded.number
             )
@@ -164,7 +164,7 @@ class Holds:
         return proposal
 
     def _waited_for(self, proposal: iterator_pb2.Proposal) -> Revision | None:
-        """Wait for a decision, store it and return what it changes."""
+        """Wait for a decision, store it and return its changes."""
         begun = time.monotonic()
         with self._lock:
             self._answered.clear()
@@ -190,7 +190,7 @@ class Holds:
         return self._applied(answer.decision, answer.revised)
 
     def _applied(self, decision: iterator_pb2.Decision, revised: _Revised) -> Revision | None:
-        """Continue by a stored decision; raises EndedAtHoldPointError where it ends the campaign."""
+        """Apply a stored decision; raises EndedAtHoldPointError if it ends the campaign."""
         if decision.kind == iterator_pb2.DECISION_KIND_END:
             raise EndedAtHoldPointError(
                 f"Ended at the hold point before playback {decision.playback} by {decision.name}: {decision.reason}"
@@ -205,7 +205,7 @@ class Holds:
         return revised.revision
 
     def answer(self, decision: iterator_pb2.Decision, call: Call) -> None:
-        """Check a decision, of which nothing is trusted; return when it is stored."""
+        """Check an untrusted decision; return when it is stored."""
         try:
             from_message(decision, Decision)
         except SettingsError as error:
@@ -239,7 +239,7 @@ class Holds:
             return self._open
 
     def _not_open(self, number: int) -> FaultError:
-        """Return the fault for a decision that comes too late, or twice; the lock is held."""
+        """Return the fault for a late or repeated decision; the caller holds the lock."""
         id = self.plan.spec.id
         waits = f"waits for one on proposal {self._open.number}" if self._open else "waits for no decision now"
         return _refused(
@@ -249,7 +249,7 @@ class Holds:
         )
 
     def _revised(self, decision: iterator_pb2.Decision) -> _Revised:
-        """Return the campaign after a decision; raises FaultError where it does not allow it."""
+        """Return the campaign after a decision; raises FaultError if the campaign does not allow it."""
         plan = self.plan
         if decision.kind == iterator_pb2.DECISION_KIND_BACK:
             self._require_way_back(decision)

@@ -1,4 +1,4 @@
-"""Request of a campaign to the identifier: the same to check the experiment and to run it."""
+"""Request of a campaign to the identifier, for the check and for the run of the experiment."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from iterator.campaign import seeds
 
 
 def identification_run(spec: iterator_pb2.CampaignSpec) -> str:
-    """Return the name of the first attempt at the identification's playback on the rig.
+    """Return the run name of the first attempt at the identification.
 
-    `spec`: Its id begins the name.
+    `spec`: Specification whose id begins the name.
     Returns: Name of the run.
     """
     return f"{spec.id}.identify"
@@ -28,9 +28,9 @@ def identification_request(
 ) -> identifier_pb2.IdentifyRequest:
     """Return the request that identifies the rig of a campaign.
 
-    `spec`: Checked; every seed is derived from its own. `run`: Name of the playback on the rig. `check_only`: Only ask
-    whether it could be played. `map_weight`, shape (n_y,): Weight of each response in learning a drive map; none is
-    learned where not given.
+    `spec`: Checked; every seed is derived from its seed. `run`: Run name of the playback on the rig. `check_only`: Only
+    check whether it could be played. `map_weight`, shape (n_y,): Weight of each response in learning a drive map; if
+    not given, no map is learned.
     Returns: The message.
     """
     request = identifier_pb2.IdentifyRequest(

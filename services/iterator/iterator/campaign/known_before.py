@@ -1,4 +1,4 @@
-"""Knowledge of a rig before a campaign: checked against that rig, and read back from the recorder."""
+"""Knowledge of a rig before a campaign: checked against that rig, and read from the recorder."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _MODEL: Final = "known.model"
 def known_experiment(
     spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription, *, is_new: bool
 ) -> identifier_pb2.ExperimentPlan:
-    """Check the model that a campaign starts from; return the experiment that it was identified with.
+    """Check the model that a campaign starts from; return the experiment of its identification.
 
-    `spec`: With a model; nothing in it is trusted. `description`: Of the rig now. `is_new`: Whether the campaign starts
-    now; the model's age does not count where it continues.
+    `spec`: Untrusted specification with a model. `description`: Present description of the rig. `is_new`: Whether the
+    campaign starts now; the model's age does not count if it continues.
     Raises `FaultError`: INVALID_ARGUMENT or FAILED_PRECONDITION with the field.
     """
     known, model = spec.known, spec.known.model
@@ -67,9 +67,9 @@ def _require_young(known: iterator_pb2.KnownBefore, named: str) -> None:
 
 
 def read_known_before(bus: Bus, plan: CampaignPlan) -> KnownBefore:
-    """Return what the iteration takes, read back from the recorder.
+    """Return the knowledge for the iteration, read from the recorder.
 
-    `bus`: Where the recorder is. `plan`: Checked, but for what is known before.
+    `bus`: Bus of the recorder. `plan`: Checked, except for the earlier knowledge.
     Raises `FaultError`: INVALID_ARGUMENT or FAILED_PRECONDITION with the field. `ArrayError`: A record is damaged.
     """
     known = plan.spec.known

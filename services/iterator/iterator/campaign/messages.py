@@ -30,7 +30,7 @@ OUTCOMES: Final = {
     Outcome.BOUND_PASSED: iterator_pb2.OUTCOME_BOUND_PASSED,
     Outcome.ENDED_AT_HOLD_POINT: iterator_pb2.OUTCOME_ENDED_AT_HOLD_POINT,
 }
-"""Outcome of the core to that of the contract."""
+"""Outcome of the contract by outcome of the core."""
 
 
 def channel_metrics(metrics: IterationMetrics, *, plan: CampaignPlan) -> list[iterator_pb2.ChannelMetrics]:
@@ -81,7 +81,7 @@ def channel_forecast(forecast: Forecast, row: int) -> iterator_pb2.ChannelForeca
 
 
 def step_message(iteration: Iteration, played: rig_pb2.PlayResult, *, plan: CampaignPlan) -> iterator_pb2.IterationStep:
-    """Return one playback as it is committed: it names the samples of its run, which its signal blocks hold."""
+    """Return one playback as it is committed: it refers to the samples of its run, which are in its signal blocks."""
     return iterator_pb2.IterationStep(
         iteration=iteration.number,
         run=played.run,
@@ -107,7 +107,7 @@ StepT = TypeVar("StepT", bound=iterator_pb2.IterationStep | iterator_pb2.Confirm
 def with_samples(
     step: StepT, *, description: rig_pb2.RigDescription, drive: NDArray[np.float64], response: NDArray[np.float64]
 ) -> StepT:
-    """Return a step that carries the samples of its run."""
+    """Return a step with the samples of its run."""
     whole = type(step).FromString(step.SerializeToString())
     if isinstance(whole, iterator_pb2.IterationStep):
         to_record(description.drives, description.sample_rate, drive, into=whole.drive)
@@ -118,7 +118,7 @@ def with_samples(
 def recorded_playback(
     step: iterator_pb2.IterationStep, *, plan: CampaignPlan, any_length: bool = False
 ) -> RecordedPlayback:
-    """Check a playback that was committed, and return it as the iteration takes it; `any_length` of another target."""
+    """Check a committed playback and convert it for the iteration; `any_length` for one of another target."""
     description, samples = plan.description, plan.target_in_band.shape[1]
     records: list[NDArray[np.float64]] = []
     for field, message, wanted in (
@@ -147,7 +147,7 @@ def recorded_playback(
 
 
 def checked_response(played: rig_pb2.PlayResult, *, run: str, samples: int, plan: CampaignPlan) -> NDArray[np.float64]:
-    """Check what the rig answered to a playback."""
+    """Check the response of a rig to a playback."""
     try:
         channels, sample_rate, response = from_record(played.response, field="response")
     except ArrayError as error:
@@ -171,17 +171,16 @@ def checked_response(played: rig_pb2.PlayResult, *, run: str, samples: int, plan
 def run_played(
     played: identifier_pb2.Model | iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep, *, rig: str
 ) -> recorder_pb2.RunPlayed:
-    """Return what tells the recorder how many blocks the run of a result has."""
+    """Return the number of blocks in the run of a result, for the recorder."""
     return recorder_pb2.RunPlayed(run=played.run, rig=rig, epoch=played.signal_epoch, blocks=played.signal_blocks)
 
 
 def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigModel:
-    """Check what the identifier answered and make the model that the iteration starts from.
+    """Check the identifier's answer and make the model that the iteration starts from.
 
-    `model`: As received; nothing in it is trusted. `plan`: Of the campaign.
-    Returns: With its inverse.
-    Raises `FaultError`: DATA_LOSS where it is not the model that was asked for; FAILED_PRECONDITION where it cannot be
-    inverted.
+    `model`: As received, untrusted. `plan`: Plan of the campaign.
+    Returns: Model with its inverse.
+    Raises `FaultError`: DATA_LOSS if it is not the requested model; FAILED_PRECONDITION if it cannot be inverted.
     """
     description = plan.description
     for field, given, wanted in (
@@ -222,12 +221,11 @@ def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigMode
 def checked_drive_map(
     model: identifier_pb2.Model, start: RigModel, *, plan: CampaignPlan
 ) -> DriveMap | MapFromFirstPlayback | None:
-    """Check the drive map of a model and return what the iteration takes.
+    """Check the drive map of a model and return the drive map for the iteration.
 
-    `model`: As received; nothing in it is trusted. `start`: From `checked_model`. `plan`: Of the campaign.
-    Returns: The map that the model goes with; where the identification has none and the settings ask for one, that it
-    is learned from the first playback.
-    Raises `FaultError`: DATA_LOSS where the map is damaged; FAILED_PRECONDITION where rig or model do not allow it.
+    `model`: As received, untrusted. `start`: From `checked_model`. `plan`: Plan of the campaign.
+    Returns: The map of the model; if it has none and the settings request one, a `MapFromFirstPlayback`.
+    Raises `FaultError`: DATA_LOSS if the map is damaged; FAILED_PRECONDITION if rig or model do not allow it.
     """
     limits = plan.limits
     if not model.HasField("drive_map"):
@@ -250,7 +248,7 @@ def checked_drive_map(
 
 
 def _uncertainty(model: identifier_pb2.Model, *, lines: int, responses: int, drives: int) -> ModelUncertainty | None:
-    """Return the covariance of the model, or None where its estimator tells none; raises ArrayError."""
+    """Return the covariance of the model, or None if its estimator states none; raises ArrayError."""
     if not (model.HasField("residual_psd") and model.HasField("row_covariance")):
         return None
     return ModelUncertainty(

@@ -35,13 +35,13 @@ from iterator.model import FEWEST_LINES, checked_response_weight
 from iterator.playbacks import CampaignSettings
 from iterator.updates import FEWEST_BLOCKS, UpdateSettings, plugin_update
 
-# What rounding leaves of a constant target in the control band, relative to the constant.
+# Rounding residue of a constant target in the control band, relative to the constant.
 _ROUNDING: Final = 1e-9
-# In whatever unit a response has, far beyond any load: what is made of it, transforms and squares, stays a number.
+# In any unit of a response far beyond any load: transforms and squares of it stay finite.
 _LARGEST_TARGET: Final = 1e12
-# A smaller share of the target's energy outside the control band is no news.
+# A smaller share of the target's energy outside the control band is not reported.
 _TOLD_SHARE: Final = 0.01
-# Zeros behind a record that is shorter than they are: 134 MB a channel.
+# Largest padding of a record that is shorter than its padding: 134 MB per channel.
 _MOST_RINGING: Final = 2**24
 
 _S = TypeVar("_S", bound=BaseModel)
@@ -51,14 +51,14 @@ _S = TypeVar("_S", bound=BaseModel)
 class CampaignPlan:
     """A checked campaign.
 
-    `spec`: As it was sent. `description`: The rig it was checked against. `target_in_band`, shape (n_y, samples): What
-    the responses are judged against. `settings`: How to iterate and when to end. `limits`: Of the rig. `experiment`: Of
-    the identification, as the identifier answered. `response_weight`, shape (n_y,): The specification's over the
-    target's RMS, so that responses count alike whatever their units; 0 for a response that is watched.
-    `target_energy_outside_band`, shape (n_y,): Share of the energy of each target's dynamic part outside the control
-    band, 0 to 1. `target_damage`, shape (n_y, exponents): Pseudo-damage of one pass of the target as measured; 0 for a
-    silent one. `hold`: Before which playbacks it waits for a decision. `judged_target`: How often the control band was
-    changed. `remarks`: What a person should know before it begins, one sentence each.
+    `spec`: As it was sent. `description`: The rig it was checked against. `target_in_band`, shape (n_y, samples):
+    Target that the responses are judged against. `settings`: Settings of the iteration and its end. `limits`: Drive
+    limits of the rig. `experiment`: Experiment of the identification, as the identifier answered. `response_weight`,
+    shape (n_y,): The specification's weight over the target's RMS, so that responses of any unit count equally; 0 for a
+    monitored response. `target_energy_outside_band`, shape (n_y,): Share of the energy of each target's dynamic part
+    outside the control band, 0 to 1. `target_damage`, shape (n_y, exponents): Pseudo-damage of one pass of the target
+    as measured; 0 for a silent one. `hold`: Hold points before playbacks. `judged_target`: Number of changes of the
+    control band. `remarks`: Notes for a person before the start, one sentence each.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -81,13 +81,13 @@ class CampaignPlan:
 
     @property
     def controlled_names(self) -> list[str]:
-        """Names of the responses that are controlled, in the rig's order."""
+        """Names of the controlled responses, in the rig's order."""
         names = (channel.name for channel in self.description.responses)
         return [name for name, weight in zip(names, self.response_weight, strict=True) if weight > 0.0]
 
     @property
     def map_weight(self) -> NDArray[np.float64] | None:
-        """Weight of each response in learning a drive map; None where none is to be learned."""
+        """Weight of each response in learning a drive map; None if no map is learned."""
         return self.response_weight if self.settings.update.drive_map.learn else None
 
 
@@ -96,12 +96,12 @@ def plan_campaign(
     description: rig_pb2.RigDescription,
     experiment: identifier_pb2.ExperimentPlan,
 ) -> CampaignPlan:
-    """Check a specification against the rig it is for.
+    """Check a specification against its rig.
 
-    `spec`: As received; nothing in it is trusted. Its id and rig are names that the contract allows. `description`: Of
-    that rig. `experiment`: Of the identification: the identifier has checked the excitation and the estimator.
-    Returns: Ready to run.
-    Raises `FaultError`: INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where the rig does not allow the
+    `spec`: As received, untrusted. Its id and rig are names that the contract allows. `description`: Description of
+    that rig. `experiment`: Experiment of the identification: the identifier has checked excitation and estimator.
+    Returns: A plan that can be run.
+    Raises `FaultError`: INVALID_ARGUMENT with the field, or FAILED_PRECONDITION if the rig does not allow the
     method. `ArrayError`: An array or record of the specification is damaged; the bus makes it INVALID_ARGUMENT.
     """
     if len(description.responses) < len(description.drives):
@@ -126,7 +126,7 @@ def plan_campaign(
     _check_target_length(spec, update, samples=target.shape[1])
     target_in_band = band.limit_target(target)
     silent = rms(target_in_band) <= _ROUNDING * np.max(np.abs(target), axis=1)
-    # What rounding leaves of a silent target is no target; it can belong to a watched response only.
+    # The rounding residue of a silent target is set to 0; only a monitored response may have one.
     target_in_band[silent] = 0.0
     if np.any(silent & (weight > 0.0)):
         names = ", ".join(description.responses[i].name for i in np.flatnonzero(silent & (weight > 0.0)))
@@ -159,7 +159,7 @@ def plan_campaign(
 
 
 def _hold(spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription) -> HoldSettings:
-    """Return the hold points: on what is no simulation a person sees the first drive, unless the campaign says else."""
+    """Return the hold points: on a real rig a person sees the first drive, unless the campaign states otherwise."""
     if spec.HasField("hold"):
         return _settings(spec.hold, HoldSettings, field="hold")
     return HoldSettings(when=HoldPoint.NEVER if description.simulated else HoldPoint.FIRST)
@@ -178,7 +178,7 @@ def _settings(message: Message, model: type[_S], *, field: str = "") -> _S:
 
 
 def checked_plugin(update: ResolvedUpdate) -> tuple[str, ...]:
-    """Load the plug-in of an update; return which one makes the drives, nothing where none does."""
+    """Load the plug-in of an update; return a remark that names it, nothing if there is none."""
     if update.plugin is None:
         return ()
     try:
@@ -188,7 +188,7 @@ def checked_plugin(update: ResolvedUpdate) -> tuple[str, ...]:
 
 
 def _checked_playbacks(spec: iterator_pb2.CampaignSpec) -> dict[str, Any]:
-    """Return how playbacks are made and when they end."""
+    """Return the playback settings and the stop criteria."""
     playbacks, stop = _settings(spec, PlaybackSettings), _settings(spec.stop, StopCriteria, field="stop")
     try:
         playbacks.require_whole_playback(stop)
@@ -198,7 +198,7 @@ def _checked_playbacks(spec: iterator_pb2.CampaignSpec) -> dict[str, Any]:
 
 
 def _checked_weight(update: ResolvedUpdate, description: rig_pb2.RigDescription) -> NDArray[np.float64]:
-    """Return how much each response counts; 0 for a response that is watched."""
+    """Return the weight of each response; 0 for a monitored response."""
     responses, drives = len(description.responses), len(description.drives)
     if len(update.iteration_gain) != responses:
         raise invalid(
@@ -215,7 +215,7 @@ def _checked_weight(update: ResolvedUpdate, description: rig_pb2.RigDescription)
 
 
 def _outside_the_band(outside: OutsideBand, band: ControlBand, description: rig_pb2.RigDescription) -> tuple[str, ...]:
-    """Say what of the target is not reproduced because it lies outside the control band."""
+    """Return the remark on the part of the target outside the control band."""
     parts = [
         f"{channel.name} {below:.1%} below and {above:.1%} above"
         for channel, below, above in zip(description.responses, outside.below, outside.above, strict=True)
@@ -230,7 +230,7 @@ def _outside_the_band(outside: OutsideBand, band: ControlBand, description: rig_
 
 
 def _check_experiment(spec: iterator_pb2.CampaignSpec, experiment: identifier_pb2.ExperimentPlan) -> None:
-    """Check what the campaign asks of its identification beyond what the identifier does."""
+    """Check the campaign's requirements for its identification beyond those of the identifier."""
     if spec.excitation.seed not in (0, spec.seed):
         raise invalid(
             f"The excitation's seed is {spec.excitation.seed}; leave it 0, every seed comes from the campaign's own.",
@@ -300,7 +300,7 @@ def _checked_band(
     *,
     samples: int,
 ) -> ControlBand:
-    # A band from 0 Hz needs the static gain, which is measured there: see `require_static_hold`.
+    # A band from 0 Hz needs the measured static gain: see `require_static_hold`.
     static = spec.lowest_frequency == 0.0
     try:
         band = control_band(
@@ -321,7 +321,7 @@ def _checked_band(
 def _band_field(
     spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription, experiment: identifier_pb2.ExperimentPlan
 ) -> str:
-    """Name the edge of a refused control band that is to be changed."""
+    """Return the field of a refused control band that has to change."""
     if spec.lower_flank < 0.0 or spec.upper_flank < 0.0:
         return "lower_flank" if spec.lower_flank < 0.0 else "upper_flank"
     ends = min(description.sample_rate / 2.0, experiment.highest_frequency)
@@ -329,7 +329,7 @@ def _band_field(
 
 
 def _check_lower_edge(band: ControlBand, *, samples: int) -> None:
-    """Bound the zeros that a low edge asks for: without, a tiny one would ask for more memory than there is."""
+    """Bound the zeros that a low edge needs: a tiny edge would need more memory than exists."""
     seconds = samples / band.sample_rate
     if 0.0 < band.lowest * seconds < 1.0:
         raise invalid(
@@ -359,10 +359,10 @@ def _check_target_length(spec: iterator_pb2.CampaignSpec, update: UpdateSettings
 
 
 def drive_limits(description: rig_pb2.RigDescription) -> DriveLimits:
-    """Return what each drive of a rig allows.
+    """Return the limits of each drive of a rig.
 
-    `description`: Of the rig.
-    Returns: In the order of its drives.
+    `description`: Description of the rig.
+    Returns: Limits in the order of its drives.
     """
     drives = description.drives
     return DriveLimits(

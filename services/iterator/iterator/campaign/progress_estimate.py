@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-# Below this share of a step, its own duration says nothing about its end.
+# Below this share of a step, its elapsed time does not predict its end.
 _SMALLEST_SHARE = 0.05
 
 
@@ -14,7 +14,7 @@ _SMALLEST_SHARE = 0.05
 class Progress:
     """Progress of a campaign.
 
-    `fraction`: Share of the whole campaign that is done, 0 to 1, by length of what is played. `remaining_seconds`:
+    `fraction`: Share of the whole campaign that is done, 0 to 1, by played duration. `remaining_seconds`:
     Expected time to the end, s; -1 where unknown.
     """
 
@@ -25,11 +25,11 @@ class Progress:
 class ProgressEstimate:
     """Follows the identification and the iterations of one campaign; used by one thread.
 
-    An iteration is expected to last as long as those before it did; before the first, as long as the identification did
-    for each second played.
+    An iteration is expected to last as long as the earlier ones; before the first, as long per played second as the
+    identification.
 
-    `identification_seconds`, `playback_seconds`: Length of what is played in the identification and in each iteration,
-    s, greater than 0. `iterations`: Most playbacks of the target. `clock`: Seconds that only rise.
+    `identification_seconds`, `playback_seconds`: Played duration of the identification and of each iteration, s,
+    greater than 0. `iterations`: Largest number of playbacks of the target. `clock`: Returns a monotonic time in s.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class ProgressEstimate:
         self._iterations_lasted: list[float] = []
 
     def step_done(self) -> None:
-        """Note that the identification, or after it an iteration, is done and the next begins."""
+        """Record that the identification, or after it an iteration, is done and the next begins."""
         now = self._clock()
         lasted, self._step_began = now - self._step_began, now
         if not self._identified:
@@ -61,11 +61,11 @@ class ProgressEstimate:
             self._iterations_lasted.append(lasted)
 
     def waited(self, seconds: float) -> None:
-        """Leave the time out for which the campaign waited for a person."""
+        """Exclude the time that the campaign waited for a person."""
         self._step_began += seconds
 
     def step_was_done(self) -> None:
-        """Note that the identification, or after it an iteration, was done before; how long it took is not known."""
+        """Record that the identification, or after it an iteration, was done before, in an unknown time."""
         self._step_began = self._clock()
         if not self._identified:
             self._identified = True
@@ -73,7 +73,7 @@ class ProgressEstimate:
             self._done += 1
 
     def at(self, share: float) -> Progress:
-        """Return where the campaign stands."""
+        """Return the progress of the campaign at a share of the present step."""
         total = self._identification_seconds + self._iterations * self._playback_seconds
         if not self._identified:
             played = share * self._identification_seconds

@@ -1,4 +1,4 @@
-"""A proposed playback as a message, and in one sentence."""
+"""Messages and sentences of a proposed playback."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def _refusal(refusal: ValueError | None, plan: CampaignPlan) -> str:
 
 
 def without_samples(proposal: iterator_pb2.Proposal) -> iterator_pb2.Proposal:
-    """Return a proposal as the status shows it."""
+    """Return a proposal without its samples, for the status."""
     shown = iterator_pb2.Proposal()
     shown.CopyFrom(proposal)
     for field in ("drive", "predicted_response", "scenario"):
@@ -65,7 +65,7 @@ def without_samples(proposal: iterator_pb2.Proposal) -> iterator_pb2.Proposal:
 
 
 def proposal_in_words(proposal: iterator_pb2.Proposal, stop: StopCriteria) -> str:
-    """Return what a campaign waits for, without a full stop."""
+    """Return the state of the campaign that waits for a decision, as text without a full stop."""
     waits = (
         f"waiting for a decision on proposal {proposal.number}, before iteration {proposal.playback} of "
         f"{stop.iterations}"

@@ -1,4 +1,4 @@
-"""A campaign as its recording holds it: what was committed, read back from the recorder."""
+"""Campaign read from its recording: the committed steps, from the recorder."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ _KINDS: Final = {
 class RecordedCampaign:
     """Content of a recording, in the order of a campaign.
 
-    `spec`: What was asked for. `steps`: How many were committed; the number of the next one. `last`: The step committed
-    last, as it was committed. `iterations`, `confirmations`: The playbacks, with their samples. `targets`: Targets in
-    the control band: one, and one for each change of the band.
+    `spec`: Specification. `steps`: Number of committed steps, which is the number of the next one. `last`: Last
+    committed step, as committed. `iterations`, `confirmations`: The playbacks, with their samples. `targets`: Number
+    of targets in the control band: one, and one for each change of the band.
     """
 
     spec: iterator_pb2.CampaignSpec
@@ -59,7 +59,7 @@ class RecordedCampaign:
     closed: bool = False
 
     def take(self, message: Message, *, samples: tuple[array_pb2.Array, array_pb2.Array] | None = None) -> None:
-        """Add the next step; where it leaves out the samples of its run, they come beside it."""
+        """Add the next step; samples that it leaves to its run are given separately."""
         self.steps += 1
         self.last = message
         if isinstance(message, iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep) and samples is not None:
@@ -105,11 +105,11 @@ class RecordedCampaign:
 
 
 def read_campaign(bus: Bus, id: str) -> RecordedCampaign:
-    """Read back everything that was committed to a campaign's recording.
+    """Read all committed steps of a campaign's recording.
 
-    `bus`: Where the recorder is. `id`: Of the campaign and its recording.
-    Returns: As far as it came.
-    Raises `FaultError`: NOT_FOUND where there is no such recording, DATA_LOSS where it is damaged or no campaign's.
+    `bus`: Bus of the recorder. `id`: Id of the campaign and its recording.
+    Returns: The campaign up to its last step.
+    Raises `FaultError`: NOT_FOUND if there is no such recording, DATA_LOSS if it is damaged or not a campaign's.
     """
     messages = _messages(bus, id)
     spec, _ = next(messages, (None, None))
@@ -129,7 +129,7 @@ def read_campaign(bus: Bus, id: str) -> RecordedCampaign:
 
 
 def _messages(bus: Bus, id: str) -> Iterator[tuple[Message, tuple[array_pb2.Array, array_pb2.Array] | None]]:
-    """Yield the steps, each with drive and response of the run whose samples it leaves out."""
+    """Yield the steps, each with drive and response of its run if its samples are left out."""
     first, total = 0, 1
     while first < total:
         request = recorder_pb2.ReadStepsRequest(first=first, with_samples=True)

@@ -1,4 +1,4 @@
-"""Remarks on a playback, in sentences."""
+"""Remarks on a playback, as sentences."""
 
 from __future__ import annotations
 
@@ -14,8 +14,9 @@ from iterator.playbacks import Iteration
 from iterator.updates import predict_convergence
 
 _UNRELATED: Final = 0.1
-"""Correlation of a response with its target up to which nothing of the target is in it. Noise alone has 0, give or take
-0.04 over 10 s of a band of 35 Hz; a good response has more even at a gain of 0.1, unless its noise is ten times it."""
+"""Correlation of a response with its target up to which the response contains nothing of the target. Noise alone has
+0 ± 0.04 over 10 s of a band of 35 Hz; a good response has more even at a gain of 0.1, unless its noise is ten times
+it."""
 
 
 def remarks_of(
@@ -25,12 +26,12 @@ def remarks_of(
     recorded: Sequence[iterator_pb2.IterationStep] = (),
     warnings: Sequence[str] = (),
 ) -> list[str]:
-    """Return what a person should know of a playback, one sentence each; `warnings` are those of the rig."""
+    """Return the remarks of a playback for a person, one sentence each; `warnings` are those of the rig."""
     if iteration.number < len(recorded):
         return list(recorded[iteration.number - 1].remarks)
     of_it = f"Playback {iteration.number}: "
     remarks = [
-        # The prediction of the next playback is made again: it may be made with other settings.
+        # The prediction of the next playback is made again, because its settings may be different.
         *(remark for step in recorded[iteration.number - 1 :] for remark in step.remarks if remark.startswith(of_it)),
         *(f"{of_it}{sentence}" for sentence in warnings),
         *(f"{of_it}{sentence}" for sentence in projection_remarks(iteration.projection, plan)),
@@ -51,18 +52,18 @@ def remarks_of(
         *(() if iteration.learned is None else map_remarks(to_message(iteration.learned))),
         *(_growth(iteration, plan) if iteration.outcome is None else ()),
     ]
-    # What stood still in a recorded playback stands in its step and is found again.
+    # The standstills of a recorded playback are in its step and are found again.
     return list(dict.fromkeys(remarks))
 
 
 def map_remarks(drive_map: identifier_pb2.DriveMap) -> list[str]:
-    """Say which drives follow which, and what was not chosen."""
+    """Return remarks on the terms of the drive map and on the terms that were not chosen."""
     terms = "; ".join(term.sentence for term in drive_map.terms)
     return [*([f"Drive map: {terms}."] if terms else ()), *drive_map.remarks]
 
 
 def standstills_in_words(found: Sequence[Standstill], *, plan: CampaignPlan, then: str) -> list[str]:
-    """Say which responses stood still, when, and what to do."""
+    """Return sentences with the response, time and remedy of each standstill."""
     sentences: list[str] = []
     for standstill in found:
         i, when = standstill.response, standstill.segment
@@ -80,7 +81,7 @@ def _way_on_without(number: int) -> str:
 
 
 def _not_reproduced(iteration: Iteration, plan: CampaignPlan) -> list[str]:
-    """Say which controlled responses have nothing of their target, as behind a sensor that only hums."""
+    """Return remarks on controlled responses without correlation with their target, e.g. of a sensor that only hums."""
     stood_still = {found.response for found in iteration.stood_still}
     return [
         f"{channel.name} has a correlation of {related:.2f} with its target; check its sensor, its sign and the model "
@@ -93,7 +94,7 @@ def _not_reproduced(iteration: Iteration, plan: CampaignPlan) -> list[str]:
 
 
 def _bound_passed(iteration: Iteration, plan: CampaignPlan) -> list[str]:
-    """Say which bound of a playback ended the campaign."""
+    """Return the remark on the bound that ended the campaign."""
     passed = iteration.passed_bound
     if passed is None:
         return []
@@ -105,7 +106,7 @@ def _bound_passed(iteration: Iteration, plan: CampaignPlan) -> list[str]:
 
 
 def projection_remarks(projection: DriveProjection | None, plan: CampaignPlan) -> list[str]:
-    """Say which limits a drive would have passed, and what was done about it."""
+    """Return remarks on the exceeded limits of a drive and on its changes."""
     if projection is None:
         return []
     return [
@@ -122,7 +123,7 @@ def projection_remarks(projection: DriveProjection | None, plan: CampaignPlan) -
 
 
 def _growth(iteration: Iteration, plan: CampaignPlan) -> list[str]:
-    """Say where the error is predicted to grow in the next playback."""
+    """Return the remark on lines where the error is predicted to grow in the next playback."""
     found = predict_convergence(iteration.model, plan.settings.update, playbacks=iteration.number)
     where = found.diverging()
     if not where.size:

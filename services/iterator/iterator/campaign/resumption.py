@@ -1,4 +1,4 @@
-"""Start of a continued campaign: its own recording after a crash, or that of its parent with other settings."""
+"""Start of a resumed campaign: from its own recording after a crash, or from its parent's with other settings."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from iterator.campaign.recorded import RecordedCampaign
 class Resumption:
     """The committed steps that a campaign begins with.
 
-    `steps`: Those that its own recording holds: the number of the next one. `model`: As identified. `iterations`: The
-    playbacks that are not made again. `confirmations`: Nor are these, of the best drive. `planned`: Runs on the rig
-    that its own recording has announced. `played`: Those of which it is stored that they were played. `copies`: Steps
-    of its parent that its own recording does not hold yet. `proposals`, `decisions`: Of hold points. `targets`: Targets
-    in the control band that its own recording holds.
+    `steps`: Number of steps in its own recording, which is the number of the next one. `model`: As identified.
+    `iterations`: Playbacks that are not made again. `confirmations`: Confirmations that are not made again. `planned`:
+    Runs on the rig that its own recording has announced. `played`: Runs whose RunPlayed is stored. `copies`: Steps of
+    its parent that its own recording does not hold yet. `proposals`, `decisions`: Proposals and decisions of hold
+    points. `targets`: Number of targets in the control band in its own recording.
     """
 
     steps: int = 0
@@ -37,16 +37,16 @@ class Resumption:
 
 
 def run_name(stem: str, planned: tuple[str, ...]) -> str:
-    """Return the name of a playback on the rig: a rig plays each name once, so a further attempt has a number."""
+    """Return the name of a playback on the rig: a rig plays each name once, so a further attempt gets a number."""
     attempts = sum(1 for run in planned if run == stem or run.removeprefix(f"{stem}-").isdecimal())
     return f"{stem}-{attempts + 1}" if attempts else stem
 
 
 def lacks_copies(recorded: RecordedCampaign) -> bool:
-    """Return whether a crash came while a campaign stored what it takes over from its parent.
+    """Return whether a crash came while a campaign stored the steps copied from its parent.
 
     `recorded`: As the recorder holds it.
-    Returns: False where it has ended: then nothing is to be done with them.
+    Returns: False if the campaign has ended: then no copies are needed.
     """
     spec = recorded.spec
     if not spec.parent or recorded.closed or recorded.final is not None:
@@ -55,11 +55,11 @@ def lacks_copies(recorded: RecordedCampaign) -> bool:
 
 
 def same_campaign(recorded: RecordedCampaign, parent: RecordedCampaign | None = None) -> Resumption:
-    """Return what a campaign that was broken off by a crash continues from.
+    """Return the committed steps of a campaign that was interrupted by a crash.
 
-    `recorded`: Not closed. `parent`: Given where it `lacks_copies`; holds them.
-    Returns: All that it holds, and the copies that it lacks.
-    Raises `FaultError`: FAILED_PRECONDITION where it has ended.
+    `recorded`: Not closed. `parent`: Campaign with the missing copies; given if it `lacks_copies`.
+    Returns: All its steps, and the missing copies.
+    Raises `FaultError`: FAILED_PRECONDITION if it has ended.
     """
     if recorded.closed:
         how = recorded.final.activity if recorded.final is not None else "closed"
@@ -93,9 +93,9 @@ def finished_unseen(
 ) -> iterator_pb2.CampaignStatus | None:
     """Return the end of a campaign that finished while the recorder's answer was lost.
 
-    `recorded`: As the recorder holds it. `shown`: How the campaign ended as far as this iterator knows; None where it
-    does not know it.
-    Returns: None where nothing is to be put right.
+    `recorded`: As the recorder holds it. `shown`: Final status known to this iterator; None if it does not know the
+    campaign.
+    Returns: None if no correction is needed.
     """
     finished = iterator_pb2.CAMPAIGN_PHASE_FINISHED
     if shown is None or shown.phase == finished or not recorded.closed or recorded.final is None:
@@ -106,11 +106,11 @@ def finished_unseen(
 def new_campaign(
     recorded: RecordedCampaign, request: iterator_pb2.ResumeCampaignRequest
 ) -> tuple[iterator_pb2.CampaignSpec, Resumption]:
-    """Return the campaign that takes another one up again, and what it begins with.
+    """Return a new campaign that resumes another one, and its first steps.
 
-    `recorded`: The parent. `request`: With `new_id`; nothing in it is trusted.
-    Returns: The parent's with other settings, and its model and first playbacks.
-    Raises `FaultError`: INVALID_ARGUMENT with the field, or FAILED_PRECONDITION where there is nothing to resume.
+    `recorded`: The parent. `request`: Untrusted request with `new_id`.
+    Returns: The parent's specification with other settings, and its model and first playbacks.
+    Raises `FaultError`: INVALID_ARGUMENT with the field, or FAILED_PRECONDITION if there is nothing to resume.
     """
     parent, there = recorded.spec.id, len(recorded.iterations)
     if recorded.model is None:
@@ -131,7 +131,7 @@ def new_campaign(
             "rule; start a new campaign.",
             field="new_id",
         )
-    # What was changed for the playback after the last one counts for a campaign that continues there.
+    # Changes for the playback after the last one apply to a campaign that continues there.
     changed_for = kept + (kept == there)
     spec = revised_specification(recorded.spec, *(each for each in recorded.decisions if each.playback <= changed_for))
     spec.id, spec.parent, spec.parent_iteration = request.new_id, parent, kept
@@ -148,7 +148,7 @@ def new_campaign(
             "update.drive_map.learn",
         )
     spec.scenario = request.scenario or spec.scenario
-    # With all playbacks made, what is left is to confirm the result, or to conclude what broke off before its end.
+    # If all playbacks are made, the campaign only confirms the result, or completes an interrupted end.
     finished = recorded.final is not None and recorded.final.phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
     if kept + (finished and spec.confirmations == 0) > spec.stop.iterations:
         raise _invalid(
@@ -161,7 +161,7 @@ def new_campaign(
 
 
 def require_same_drive_map(before: ResolvedUpdate, after: ResolvedUpdate) -> None:
-    """Refuse to begin or to end the use of a drive map within a campaign."""
+    """Refuse a change between use and no use of a drive map within a campaign."""
     if before.drive_map.learn != after.drive_map.learn:
         raise _invalid(
             f"update.drive_map.learn is {after.drive_map.learn} and was {before.drive_map.learn}; it stays as it is "

@@ -1,4 +1,4 @@
-"""Playing drives on the campaign's rig: announced in its recording, asked for once, checked when it comes back."""
+"""Playback of drives on the campaign's rig: announced in its recording, requested once, its response checked."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.resumption import run_name
 
 LONGEST_WORDS: Final = 300
-"""Longest text of a rig that is shown; it travels with every status."""
+"""Longest text of a rig that is shown; it is part of every status."""
 
 _PLAYING: Final = "playing"
 
@@ -28,7 +28,7 @@ _PLAYING: Final = "playing"
 def words_of(progress: query_pb2.Progress, *, run: str) -> str:
     """Return the present activity of a rig or the identifier in one line."""
     said = [text for text in (progress.phase, progress.detail) if text not in ("", _PLAYING, run)]
-    # Foreign text goes to terminals, tables and logs: no line breaks, no control characters.
+    # Untrusted text goes to terminals, tables and logs: no line breaks, no control characters.
     printable = "".join(letter if letter.isprintable() else " " for letter in ", ".join(said))
     words = " ".join(printable.split())
     return words if len(words) <= LONGEST_WORDS else f"{words[:LONGEST_WORDS]}…"
@@ -37,8 +37,8 @@ def words_of(progress: query_pb2.Progress, *, run: str) -> str:
 class RigPlayback:
     """Playbacks on the rig of one campaign; used by the campaign's thread.
 
-    `plan`: Names the rig and its channels. `bus`: Where it is. `log`: Every motion is announced in it. `planned`: Runs
-    that were announced before this process. `cancel`: Breaks a playback off.
+    `plan`: Plan with the rig and its channels. `bus`: Bus of the rig. `log`: Log that announces every motion.
+    `planned`: Runs that were announced before this process. `cancel`: Event that interrupts a playback.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class RigPlayback:
 
     @property
     def moving_run(self) -> str:
-        """Run that the rig may be playing; empty where it is known to rest."""
+        """Run that the rig may be playing; empty if the rig is known to be at rest."""
         return self._moving_run
 
     @property
@@ -80,7 +80,7 @@ class RigPlayback:
 
     @contextmanager
     def motion(self, run: str) -> Iterator[None]:
-        """Remember that the rig may play this run when what is done here fails."""
+        """Keep the name of a run that the rig may play, also if the enclosed block fails."""
         self._moving_run = run
         yield
         self._moving_run = ""

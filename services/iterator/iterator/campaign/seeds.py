@@ -1,4 +1,4 @@
-"""Every seed of a campaign comes from the one in its specification."""
+"""Seeds of a campaign, all derived from the seed in its specification."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ EXCITATION: Final = 0
 """Index of the identification's excitation."""
 
 IDENTIFICATION_PLAYBACK: Final = 1
-"""Index of what is random in the rig while the identification plays."""
+"""Index of the rig's random processes during the identification's playback."""
 
 
 _CONFIRMATIONS: Final = 1 << 32
 
 
 def confirmation(number: int) -> int:
-    """Return the index of what is random in the rig in a playback that confirms the result: 2^32 + its number."""
+    """Return the index of the rig's random processes in a confirmation: 2^32 + its number."""
     return _CONFIRMATIONS + number
 
 
 def playback(iteration: int) -> int:
-    """Return the index of what is random in the rig in an iteration's playback: 2 for the first, 3 for the second."""
+    """Return the index of the rig's random processes in an iteration's playback: 2 for the first, 3 for the second."""
     return IDENTIFICATION_PLAYBACK + iteration
 
 

@@ -1,4 +1,4 @@
-"""Damage that a campaign spends on the specimen: by its identification, before and beside the playbacks."""
+"""Damage that a campaign spends on the specimen, by its identification and by its playbacks."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from iterator.campaign.plan import CampaignPlan
 def identification_damage(model: identifier_pb2.Model, *, plan: CampaignPlan) -> NDArray[np.float64] | None:
     """Return the damage of the identification in passes of the target.
 
-    Response and target are both counted as measured, the response over the whole run: that is what the specimen bears.
+    Response and target are both counted as measured, the response over the whole run, as the specimen is loaded.
 
-    `model`: As received; nothing in it is trusted. `plan`: Of the campaign.
-    Returns: Shape (n_y, exponents), not a number for a response whose target is silent; 0 with a model of an earlier
-    identification, which is not made again; None where the model does not state the damage of its record.
-    Raises `FaultError`: DATA_LOSS where it is damaged.
+    `model`: As received, untrusted. `plan`: Plan of the campaign.
+    Returns: Shape (n_y, exponents), NaN for a response with a silent target; 0 with a model of an earlier
+    identification, which is not made again; None if the model does not state the damage of its record.
+    Raises `FaultError`: DATA_LOSS if it is damaged.
     """
     if plan.spec.known.HasField("model"):
         return np.where(plan.target_damage > 0.0, 0.0, np.nan)
@@ -43,14 +43,14 @@ def identification_damage(model: identifier_pb2.Model, *, plan: CampaignPlan) ->
 
 
 def identification_remarks(damage: NDArray[np.float64] | None, *, plan: CampaignPlan) -> list[str]:
-    """Say what the identification cost the controlled response that it loaded most."""
+    """Return a remark on the identification's damage in the most loaded controlled response."""
     if damage is None:
         return [
             "The model does not state the damage of its identification, as one of an older recording: damage spent and "
             "stop.damage_budget count the playbacks only."
         ]
     row, value = _most(damage[:, _column(plan)], plan)
-    # Of a linear rig whose levels all change alike.
+    # For a linear rig whose levels all change by one factor.
     advice = f"; at {value ** (-1.0 / _exponent(plan)):.2g} times its levels it does one pass" if value > 1.0 else ""
     return [
         f"The identification did {_passes(value)} the target's damage (k = {_exponent(plan)}) in "
@@ -59,10 +59,10 @@ def identification_remarks(damage: NDArray[np.float64] | None, *, plan: Campaign
 
 
 def require_budget(damage: NDArray[np.float64] | None, *, plan: CampaignPlan) -> None:
-    """Refuse the first playback where the identification left no room for it in the damage budget.
+    """Refuse the first playback if the identification left no room for it in the damage budget.
 
-    `damage`: From `identification_damage`. `plan`: Of the campaign.
-    Raises `FaultError`: FAILED_PRECONDITION where one more pass at the first level would be over the budget.
+    `damage`: From `identification_damage`. `plan`: Plan of the campaign.
+    Raises `FaultError`: FAILED_PRECONDITION if one more pass at the first level would exceed the budget.
     """
     budget = plan.settings.stop.damage_budget
     if damage is None or budget == 0.0:
@@ -81,7 +81,7 @@ def require_budget(damage: NDArray[np.float64] | None, *, plan: CampaignPlan) ->
 
 
 def budget_remarks(outcome: Outcome | None, metrics: tuple[IterationMetrics, ...], *, plan: CampaignPlan) -> list[str]:
-    """Say how the damage budget was spent where it ended the iteration."""
+    """Return a remark on the spent damage if the damage budget ended the iteration."""
     if outcome is not Outcome.DAMAGE_BUDGET_USED:
         return []
     spent = damage_spent(metrics, exponent=_exponent(plan))
@@ -96,7 +96,7 @@ def budget_remarks(outcome: Outcome | None, metrics: tuple[IterationMetrics, ...
 
 
 def _most(damage: NDArray[np.float64], plan: CampaignPlan) -> tuple[int, float]:
-    """Return the controlled response with the most damage, and that damage."""
+    """Return the controlled response with the most damage, and its damage."""
     row = int(np.argmax(np.where(plan.response_weight > 0.0, damage, -np.inf)))
     return row, float(damage[row])
 
@@ -110,5 +110,5 @@ def _column(plan: CampaignPlan) -> int:
 
 
 def _passes(damage: float) -> str:
-    """Return damage as a multiple, three digits, without an exponent: 112000, not 1.12e+05."""
+    """Return damage as a multiple with three digits, without an exponent: 112000, not 1.12e+05."""
     return f"{float(f'{damage:.3g}'):,.12g} times"

@@ -1,4 +1,4 @@
-"""The static part of a target: reproduced by a control band from 0 Hz where the rig can hold it, else reported."""
+"""Static part of a target: reproduced by a control band from 0 Hz if the rig can hold it, or else reported."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from duralab_proto.v1 import array_pb2, iterator_pb2, query_pb2, rig_pb2
 from duralab_spectra import rms
 from iterator.band import TARGET_FADE_SECONDS, ControlBand
 
-# Relative to the RMS of what is reproduced; less is not reported.
+# Relative to the RMS of the target in the band; smaller static parts are not reported.
 _REPORTED_SHARE: Final = 0.1
-# Of a specimen at rest these are 0, whatever the drives hold.
+# For a specimen at rest these are 0, for any held drives.
 _ZERO_AT_REST: Final = {
     array_pb2.CHANNEL_KIND_ACCELERATION: "is an acceleration, which is 0 at rest",
     array_pb2.CHANNEL_KIND_VELOCITY: "is a velocity, which is 0 at rest",
@@ -23,7 +23,7 @@ _ZERO_AT_REST: Final = {
 
 
 def static_response_of(description: rig_pb2.RigDescription) -> NDArray[np.float64]:
-    """Return the responses of a rig at drive 0, shape (n_y,): what a control band from 0 Hz counts from."""
+    """Return the responses of a rig at drive 0, shape (n_y,): the reference of a control band from 0 Hz."""
     shape = (len(description.responses),)
     return from_array(description.static_response, field="static_response", shape=shape, dtype=np.float64)
 
@@ -33,7 +33,7 @@ def require_static_hold(
 ) -> None:
     """Refuse a control band from 0 Hz on a rig that cannot hold or measure a static part, or without a static gain.
 
-    `controlled`, shape (n_y,): Whether each response is controlled; those that are watched may be what they are.
+    `controlled`, shape (n_y,): Whether each response is controlled; monitored responses are not checked.
     Raises `FaultError`: FAILED_PRECONDITION with the field `lowest_frequency`, INVALID_ARGUMENT with the field
     `excitation.static_hold`.
     """
@@ -74,7 +74,7 @@ def static_remarks(
     band: ControlBand,
     description: rig_pb2.RigDescription,
 ) -> tuple[str, ...]:
-    """Say which static part of the target is not reproduced, or at the ends of a target from 0 Hz not as it is."""
+    """Return remarks on the static part of the target that is not reproduced, or for a band from 0 Hz on its ends."""
     dynamic = rms(target_in_band)
     if band.lowest == 0.0:
         ends = band.dynamic_part(target)[:, [0, -1]].T

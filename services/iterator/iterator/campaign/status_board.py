@@ -1,4 +1,4 @@
-"""The state of one campaign as the others see it: asked for at any time, published at every change and every second."""
+"""Status of one campaign for its clients: readable at any time, published at every change and repeated."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FINAL_PHASES: Final = frozenset(
 def is_final(status: iterator_pb2.CampaignStatus) -> bool:
     """Return whether the campaign has ended.
 
-    `status`: Its phase decides.
+    `status`: Status of the campaign.
     Returns: True if it finished, failed or was stopped.
     """
     return status.phase in _FINAL_PHASES
@@ -33,7 +33,7 @@ class StatusBoard:
     """Status of one campaign. The campaign's thread changes it; any thread may read it.
 
     `campaign`: Id of the campaign. `publish`: Called with each CampaignStatus, one at a time, in order, until the final
-    phase; it is not to be changed. `remarks`: What a person should know from the start, one sentence each.
+    phase; it must not change the status. `remarks`: Notes for a person at the start, one sentence each.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class StatusBoard:
         self._lock = threading.Lock()
         self._ended = threading.Event()
         self._published_at = 0.0
-        # Replaced at every change, never changed itself: a reader needs no lock and never waits for the bus.
+        # Replaced at every change and never modified: a reader needs no lock and never waits for the bus.
         self._status = iterator_pb2.CampaignStatus(
             id=campaign,
             phase=iterator_pb2.CAMPAIGN_PHASE_CHECKING,
@@ -59,7 +59,7 @@ class StatusBoard:
     @property
     def ended(self) -> bool:
         """Whether the phase is final."""
-        # Under the lock: the final status is published before it is set, and its reader may ask for a resume at once.
+        # Under the lock: the final status is published before the event is set, and a reader may then resume at once.
         with self._lock:
             return self._ended.is_set()
 
@@ -68,18 +68,18 @@ class StatusBoard:
         return self._ended.wait(timeout_seconds)
 
     def start_repeating(self) -> None:
-        """Publish the status again while nothing changes, from an own thread, until the final phase."""
+        """Publish the status again while it does not change, on a separate thread, until the final phase."""
         threading.Thread(target=self._repeat, name=f"campaign-status-{self._status.id}", daemon=True).start()
 
     def show(self, activity: str, progress: Progress, *, phase: iterator_pb2.CampaignPhase | None = None) -> None:
-        """Say what is done now and how far the campaign is.
+        """Show the present activity and the progress of the campaign.
 
-        `activity`: In words. `progress`: Of the whole campaign. `phase`: As before where not given.
+        `activity`: As text. `progress`: Progress of the whole campaign. `phase`: Unchanged if not given.
         """
         with self._lock:
             status = self._copy()
             status.activity = activity
-            # What is done stays done: an estimate that falls back would only confuse.
+            # The shown fraction never falls: a smaller estimate would only confuse.
             status.fraction = max(status.fraction, progress.fraction)
             status.remaining_seconds = progress.remaining_seconds
             if phase is not None:
@@ -87,7 +87,7 @@ class StatusBoard:
             self._replace(status)
 
     def show_proposal(self, proposal: iterator_pb2.Proposal | None) -> None:
-        """Show what a person is to decide on; None once it is decided."""
+        """Show the open proposal; None once it is decided."""
         with self._lock:
             status = self._copy()
             status.ClearField("hold")
@@ -96,7 +96,7 @@ class StatusBoard:
             self._replace(status)
 
     def add_remarks(self, remarks: Sequence[str]) -> None:
-        """Add what is to be said besides."""
+        """Add remarks to the status."""
         if remarks:
             with self._lock:
                 status = self._copy()
@@ -106,7 +106,7 @@ class StatusBoard:
     def add_iteration(
         self, metrics: iterator_pb2.IterationMetrics, *, best_iteration: int, remarks: Sequence[str] = ()
     ) -> None:
-        """Add the figures of a playback that is stored, and what is to be said of it."""
+        """Add the figures of a stored playback, and the remarks on it."""
         with self._lock:
             status = self._copy()
             status.remarks.extend(remarks)
@@ -121,7 +121,7 @@ class StatusBoard:
         metrics: iterator_pb2.IterationMetrics | None = None,
         remarks: Sequence[str] = (),
     ) -> None:
-        """Show the figures of a confirmation, how far the rig repeats itself where known, and the remarks on it."""
+        """Show the figures of a confirmation, the repeatability of the rig if known, and the remarks on it."""
         with self._lock:
             status = self._copy()
             status.remarks.extend(remarks)
@@ -139,10 +139,10 @@ class StatusBoard:
         outcome: iterator_pb2.Outcome = iterator_pb2.OUTCOME_UNSPECIFIED,
         fault: query_pb2.Fault | None = None,
     ) -> iterator_pb2.CampaignStatus:
-        """Return what the status will be at the end, without showing it yet: it is stored first.
+        """Return the status of the end without showing it yet, because it is stored first.
 
-        `phase`: FINISHED, FAULTED or STOPPED. `activity`: How it ended, as text. `outcome`: Of a finished campaign.
-        `fault`: Of one that is not finished.
+        `phase`: FINISHED, FAULTED or STOPPED. `activity`: Kind of the end, as text. `outcome`: Outcome of a finished
+        campaign. `fault`: Fault of an unfinished campaign.
         """
         status = self._copy()
         status.phase, status.activity, status.outcome = phase, activity, outcome
@@ -155,7 +155,7 @@ class StatusBoard:
         return status
 
     def end(self, status: iterator_pb2.CampaignStatus) -> None:
-        """Show the final status; nothing follows."""
+        """Show the final status; later changes are ignored."""
         if not is_final(status):
             raise ValueError(f"The phase {status.phase} is not final.")
         with self._lock:
@@ -168,7 +168,7 @@ class StatusBoard:
         return status
 
     def _replace(self, status: iterator_pb2.CampaignStatus) -> None:
-        """Show a new status; the lock is held."""
+        """Show a new status; the caller holds the lock."""
         if self._ended.is_set():
             return
         self._status = status

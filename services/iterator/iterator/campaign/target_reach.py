@@ -1,4 +1,4 @@
-"""A target compared with what the responses of a rig can reach, before anything moves: a wrong unit shows here."""
+"""Check of a target against the ranges of a rig's responses before any motion; a wrong unit is found here."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from duralab_bus import FaultError
 from duralab_proto.v1 import iterator_pb2, query_pb2, rig_pb2
 from iterator.campaign.static_part import static_response_of
 
-# Of a response's range; a target that moves by less hardly leaves the sensor's noise.
+# Share of a response's range; a smaller target is hardly above the sensor's noise.
 _TINY_SHARE: Final = 1e-3
 
 
@@ -51,7 +51,7 @@ def require_reach(
 
 
 def _suspect(name: str, steps: Sequence[iterator_pb2.TargetStep]) -> str:
-    """Ask about what most likely made a target too large."""
+    """Return a question about the most likely cause of a target that is too large."""
     read = next((channel for step in steps[:1] for channel in step.channels if channel.channel == name), None)
     if read is not None and read.stated_unit:
         return f"is `unit: {read.stated_unit}` right for the file's channel {read.source!r}?"
@@ -63,7 +63,7 @@ def _suspect(name: str, steps: Sequence[iterator_pb2.TargetStep]) -> str:
 def tiny_target_remarks(
     target_in_band: NDArray[np.float64], *, description: rig_pb2.RigDescription, controlled: NDArray[np.bool_]
 ) -> tuple[str, ...]:
-    """Return a remark where targets are so small beside the range that their unit is doubtful."""
+    """Return a remark on targets so small compared with the range that their unit is doubtful."""
     peaks = np.max(np.abs(target_in_band), axis=1)
     tiny = [
         f"{peaks[i]:.3g} {channel.unit} in {channel.name}"

@@ -1,4 +1,4 @@
-"""Hold points: before which playbacks a campaign waits, what it proposes there, and what a decision changes."""
+"""Hold points: playbacks that a campaign waits before, its proposals, and the changes of a decision."""
 
 from iterator.holds.basis import Basis
 from iterator.holds.bounds import hold_reason

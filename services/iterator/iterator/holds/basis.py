@@ -17,10 +17,10 @@ from iterator.updates import controlled_model, controlled_responses, controlled_
 class Basis:
     """Target, model and settings of a campaign.
 
-    `target`, shape (n_y, samples): In the control band. `identified`: Model of all responses, before an update bends
-    it. `settings`: How and how long. `identification_damage`, shape (n_y, exponents): Damage spent by the
-    identification, in passes of the target. `target_damage`, shape (n_y, exponents): Pseudo-damage of one pass of the
-    target as measured.
+    `target`, shape (n_y, samples): In the control band. `identified`: Model of all responses, before an update corrects
+    it. `settings`: Settings of the updates and the end. `identification_damage`, shape (n_y, exponents): Damage spent
+    by the identification, in passes of the target. `target_damage`, shape (n_y, exponents): Pseudo-damage of one pass
+    of the target as measured.
     """
 
     target: NDArray[np.float64]
@@ -46,7 +46,7 @@ class Basis:
 
     @cached_property
     def own_settings(self) -> CampaignSettings:
-        """Settings whose update is that of the controlled responses."""
+        """Settings with the update of the controlled responses."""
         update = controlled_settings(self.settings.update, self.controlled)
         return self.settings.model_copy(update={"update": update})
 
@@ -55,10 +55,10 @@ class Basis:
         return samples if self.controlled.all() else np.ascontiguousarray(samples[self.controlled])
 
     def judges_as(self, other: Basis) -> bool:
-        """Return whether figures of both are comparable: of the same control band and the same responses."""
+        """Return whether the figures of both are comparable: of the same control band and the same responses."""
         same_band = self.settings.update.band == other.settings.update.band
         return same_band and np.array_equal(self.controlled, other.controlled)
 
     def updates_as(self, other: Basis) -> bool:
-        """Return whether a model that was bent under the other basis may be bent further under this one."""
+        """Return whether a model corrected under the other basis may be corrected further under this one."""
         return self.identified is other.identified and self.settings.update.kind is other.settings.update.kind

@@ -1,4 +1,4 @@
-"""Whether a campaign waits before a playback."""
+"""Conditions under which a campaign waits before a playback."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ _WORDS: Final = {BoundedQuantity.PEAK: "peak", BoundedQuantity.DAMAGE: "damage"}
 def hold_reason(
     hold: HoldSettings, *, is_first: bool, forecast: Forecast, stop: StopCriteria, level: float, names: Sequence[str]
 ) -> str:
-    """Return why a campaign waits before a playback, one sentence without a full stop; empty where it plays at once.
+    """Return why a campaign waits before a playback, one sentence without a full stop; empty if it plays at once.
 
-    `is_first`: Whether the campaign has made no playback yet. `forecast`: Of the playback. `stop`: Its damage exponent
-    counts. `level`: Share of the target that is played for; bounds are relative to the whole target. `names`: Of the
-    controlled responses.
+    `is_first`: Whether the campaign has made no playback yet. `forecast`: Forecast of the playback. `stop`: Criteria
+    with the damage exponent. `level`: Share of the target that is played; bounds are relative to the whole target.
+    `names`: Names of the controlled responses.
     """
     match hold.when:
         case HoldPoint.FIRST if is_first:

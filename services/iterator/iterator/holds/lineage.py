@@ -1,4 +1,4 @@
-"""The playbacks that the next drive is made from: all, in order, unless a decision went back to an earlier one."""
+"""Playbacks that the next drive is made from: all, in order, unless a decision went back to an earlier one."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ from iterator.model import IterationHistory, Playback, RigModel
 from iterator.playbacks import NOTHING_KNOWN, KnownBefore, mapped_drive
 from iterator.updates import learned_before
 
-# Share of the time that the last drive stood at a limit, above which its nonlinear terms are not used: a drive that is
-# cut off does not do what its square foresees. With 85 % of the stroke that a target needs it is 0.6 to 1 %.
+# Share of the time at a limit above which the nonlinear terms of the last drive are not used: the square of a clipped
+# drive does not predict its effect. With 85 % of the stroke that a target needs it is 0.6 to 1 %.
 _MOST_HELD: Final = 0.002
 
 
@@ -26,8 +26,8 @@ _MOST_HELD: Final = 0.002
 class Revision:
     """Changes of a decision before a drive is made again.
 
-    `basis`: What drives are made and judged by from now on; None as before. `from_iteration`: Playback that the next
-    drive is made from; 0 for the last one.
+    `basis`: New basis of drives and judgements; None for no change. `from_iteration`: Playback that the next drive is
+    made from; 0 for the last one.
     """
 
     basis: Basis | None = None
@@ -36,7 +36,7 @@ class Revision:
 
 @dataclass(frozen=True, eq=False)
 class _Made:
-    """A playback as it was made: what it takes to go back to it, or to see it in another control band."""
+    """Data of a playback for a return to it, or for its judgement in another control band."""
 
     basis: Basis
     drive_map: DriveMap | None
@@ -46,15 +46,15 @@ class _Made:
     model: RigModel
     forecast: Forecast
     numbers: tuple[int, ...]
-    """The playbacks that it ends, its own number last."""
+    """Numbers of the playbacks that lead to it, its own number last."""
 
 
 class Lineage:
-    """Everything that the next drive is made from.
+    """Data that the next drive is made from.
 
-    `basis`: Of the campaign. `limits`: Of the rig, if known. `drive_map`: That drives are made with; None for the
-    identity. `keep`: Whether decisions may come: then the samples of every playback are kept. `known`: What is known
-    before the first playback.
+    `basis`: Basis of the campaign. `limits`: Drive limits of the rig, if known. `drive_map`: Map of the drives; None
+    for the identity. `keep`: Whether decisions are possible: then the samples of every playback are kept. `known`:
+    Knowledge before the first playback.
     """
 
     def __init__(
@@ -71,19 +71,19 @@ class Lineage:
         self._known = known
         self.history = IterationHistory(basis.controlled_target, self._before(), start=self._start())
         self.model = self._informed(basis.model)
-        """What the last drive was made with, as far as the basis is the same."""
+        """Model that the last drive was made with, if the basis is still the same."""
         self.forecast: Forecast | None = None
-        """Of the last playback, compared with it; None before the first and where it is not comparable."""
+        """Forecast of the last playback, compared with it; None before the first and if it is not comparable."""
         self.last_drive: NDArray[np.float64] | None = None
         self.numbers: tuple[int, ...] = ()
-        """The playbacks that the next drive is made from."""
+        """Numbers of the playbacks that the next drive is made from."""
         self._limits = limits
         self._keep = keep
         self._made: list[_Made] = []
 
     @property
     def is_held(self) -> bool:
-        """Whether the last drive stood at a limit for so long that its nonlinear terms are not used."""
+        """Whether the last drive was at a limit for so long that its nonlinear terms are not used."""
         if self.last_drive is None or self._limits is None:
             return False
         return held_share(self.last_drive, self._limits) > _MOST_HELD
@@ -103,13 +103,13 @@ class Lineage:
     ) -> None:
         """Add a playback.
 
-        `drive`, `mapped`, shape (n_u, samples): As played, and as updates see it. `response`, shape (n_y, samples): As
-        measured. `judged`: Rows of the controlled ones in the band, divided by the level. `model`: What it was made
-        with. `forecast`: Compared with it. `made_with`: The drive map, if any.
+        `drive`, `mapped`, shape (n_u, samples): As played, and as mapped for updates. `response`, shape (n_y,
+        samples): As measured. `judged`: Rows of the controlled responses in the band, divided by the level. `model`:
+        Model of the drive. `forecast`: Forecast, compared with the playback. `made_with`: The drive map, if any.
         """
         self.model = model
         if self._informed_with is not self.drive_map:
-            # A drive map that was learned from this playback maps the drives of earlier ones, too.
+            # A drive map that was learned from this playback also maps the drives of earlier ones.
             before = self._before()
             self.history = replace(self.history, playbacks=(*before, *self.history.playbacks[len(before) :]))
             informed = self._informed(self.basis.model)
@@ -123,7 +123,7 @@ class Lineage:
             )
 
     def revise(self, revision: Revision) -> None:
-        """Go back to an earlier playback, change what drives are made and judged by, or both."""
+        """Go back to an earlier playback, change the basis of drives and judgements, or both."""
         if revision.from_iteration:
             self.numbers = self._made[revision.from_iteration - 1].numbers
         self.basis = basis = revision.basis or self.basis
@@ -132,24 +132,24 @@ class Lineage:
         self.history = IterationHistory(basis.controlled_target, playbacks, start=self._start())
         last = line[-1] if line else None
         self.last_drive = None if last is None else last.drive
-        # What an update learned of the rig is kept where it continues from there; otherwise it learns again.
+        # The corrections of an update are kept if it continues from there; otherwise it learns again.
         self.model = last.model if last is not None and basis.updates_as(last.basis) else self._informed(basis.model)
         self.forecast = last.forecast if last is not None and basis.judges_as(last.basis) else None
 
     def given_drive(self) -> NDArray[np.float64] | None:
-        """Return the first drive that is to be played as it is, mapped and in the band; None where there is none."""
+        """Return the first drive that is played unchanged, mapped and in the band; None if there is none."""
         first = self._known.first_drive
         return None if first is None or first.response is not None else self._in_band(first.drive)
 
     def _before(self) -> tuple[Playback, ...]:
-        """Return the playback of the first drive that was made for this target already, if any."""
+        """Return the playback of a first drive that was already made for this target, if any."""
         first = self._known.first_drive
         if first is None or first.response is None or not first.of_this_target:
             return ()
         return (Playback(self._in_band(first.drive), self._response(first.response)),)
 
     def _start(self) -> Playback | None:
-        """Return the first drive with the response it gave, both scaled to the target."""
+        """Return the first drive with its response, both scaled to the target."""
         first = self._known.first_drive
         if first is None or first.response is None or first.of_this_target:
             return None
@@ -160,7 +160,7 @@ class Lineage:
         return Playback(drive=scale * self._in_band(first.drive), response=scale * response)
 
     def _informed(self, model: RigModel) -> RigModel:
-        """Return a model that has learned from the playbacks of earlier campaigns."""
+        """Return a model corrected by the playbacks of earlier campaigns."""
         self._informed_with = self.drive_map
         earlier = tuple(
             tuple(Playback(self._in_band(each.drive), self._response(each.response)) for each in campaign)
@@ -175,10 +175,10 @@ class Lineage:
         return self.basis.rows(self.basis.settings.update.band.limit_response(response))
 
     def _seen(self, made: _Made) -> Playback:
-        """Return a playback as the update sees it now: in this control band, mapped by this map."""
+        """Return a playback as the update uses it now: in this control band, mapped by this map."""
         band = self.basis.settings.update.band
         fits = made.basis.settings.update.band == band and made.drive_map is self.drive_map
         mapped = mapped_drive(made.drive, self.drive_map)
         response = self.basis.rows(band.limit_response(made.response) / made.level)
-        # What a drive has outside the band would stay in every drive that follows.
+        # Parts of a drive outside the band would stay in every later drive.
         return Playback(drive=(mapped if fits else band.limit_drive(mapped)) / made.level, response=response)

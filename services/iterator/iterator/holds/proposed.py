@@ -1,4 +1,4 @@
-"""A playback that is proposed at a hold point, and how its drives use the limits of the rig."""
+"""Playback proposed at a hold point, and the use of the rig's limits by its drives."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from iterator.limits import DriveLimits, DriveProjection, drive_slew
 
 @dataclass(frozen=True, eq=False)
 class ProposedPlayback:
-    """The next playback before it is made.
+    """The next playback before it is played.
 
-    `number`: From 1. `level`: Share of the target that is played for. `follows`: Playback that the drive was made from;
-    0 for a first drive. `drive`, `last_drive`, shape (n_u, samples): As it would be played, and that of the playback it
-    follows. `projection`: What was changed to hold the limits. `forecast`: Of the controlled responses. `refusal`: Why
-    no drive could be made; drive and forecast are then None.
+    `number`: From 1. `level`: Share of the target that is played. `follows`: Playback that the drive was made from; 0
+    for a first drive. `drive`, `last_drive`, shape (n_u, samples): As it would be played, and the drive of the playback
+    it follows. `projection`: Changes that hold the limits. `forecast`: Forecast of the controlled responses.
+    `refusal`: Error if no drive could be made; drive and forecast are then None.
     """
 
     number: int
@@ -35,9 +35,9 @@ class ProposedPlayback:
 
 
 Decide = Callable[[int, ProposedPlayback | None], Revision | None]
-"""Called with the number of each playback and what is proposed, until it returns None: then the drive is played.
+"""Called with the number of each playback and the proposal until it returns None: then the drive is played.
 
-Of a recorded playback nothing is proposed: it is called until it has returned every revision that came before it.
+A recorded playback has no proposal: the function is called until it has returned every earlier revision.
 """
 
 
@@ -55,7 +55,7 @@ class DriveUse:
 def drive_use(
     drive: NDArray[np.float64], last: NDArray[np.float64] | None, *, limits: DriveLimits
 ) -> tuple[DriveUse, ...]:
-    """Return how each drive uses its limits; `drive` and `last`, shape (n_u, samples): It, and the one before."""
+    """Return the use of the limits by each drive; `drive` and the one before, `last`, have shape (n_u, samples)."""
     peak = np.abs(drive).max(axis=1)
     slew = np.array([np.abs(drive_slew(values, limits.sample_rate)).max() for values in drive])
     room = np.where(drive > 0.0, limits.maximum[:, None], -limits.minimum[:, None])

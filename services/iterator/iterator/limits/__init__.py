@@ -1,4 +1,4 @@
-"""Limits of a rig's drives: a drive beyond one is refused or projected, and where that costs the target."""
+"""Limits of a rig's drives: refusal or projection of a drive beyond one, and its cost for the target."""
 
 from iterator.limits.drive_limits import (
     DriveLimitError,

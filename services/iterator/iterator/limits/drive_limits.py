@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-# Of the range between the limits: a drive that is carried to a limit within a band stays just short of it.
+# Share of the range between the limits: a drive projected to a limit within a band stays just below it.
 _HELD_WITHIN: Final = 0.01
 
 
@@ -28,13 +28,13 @@ class DriveLimits:
     Parameters
     ----------
     names, units : tuple of str
-        One for each drive.
+        Name and unit of each drive.
     minimum, maximum : ndarray, shape (n_u,)
         Allowed values, drive units, `minimum < 0 < maximum`.
     slew_limit : ndarray, shape (n_u,)
-        Largest allowed magnitude of the time derivative, drive units per second; 0 where none is stated.
+        Largest allowed magnitude of the time derivative, drive units per second; 0 if not stated.
     sample_rate : float
-        Of the drives, Hz.
+        Sample rate of the drives, Hz.
     """
 
     names: tuple[str, ...]
@@ -47,7 +47,7 @@ class DriveLimits:
 
 @dataclass(frozen=True)
 class LimitViolation:
-    """The worst passing of a limit by one drive.
+    """Largest excess of one drive over a limit.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ class LimitViolation:
     quantity : LimitQuantity
         Peak or slew.
     value, limit : float
-        What the drive would reach, and what is allowed.
+        Value that the drive would reach, and allowed value.
     """
 
     channel: str
@@ -67,16 +67,16 @@ class LimitViolation:
 
 
 class DriveLimitError(ValueError):
-    """A next drive that would pass the rig's limits.
+    """Refusal of a next drive that exceeds the rig's limits.
 
     Parameters
     ----------
     violation : LimitViolation
-        The worst one, relative to its limit.
+        Violation with the largest ratio to its limit.
     fitting_share : float
         Share of all iteration gains with which the drive would fit, 0 to below 1.
     iteration_gain : ndarray, shape (n_y,)
-        The gains that were used.
+        Gains of the step.
     """
 
     def __init__(self, violation: LimitViolation, *, fitting_share: float, iteration_gain: NDArray[np.float64]) -> None:
@@ -97,12 +97,12 @@ class DriveLimitError(ValueError):
 
 
 class DriveOverrunError(ValueError):
-    """A first drive that reaches so far beyond a limit that it is not projected.
+    """Refusal of a first drive that exceeds a limit by so much that it is not projected.
 
     Parameters
     ----------
     violation : LimitViolation
-        The worst one, relative to its limit.
+        Violation with the largest ratio to its limit.
     allowed : float
         Multiple of the limit up to which a drive is projected.
     """
@@ -118,11 +118,11 @@ class DriveOverrunError(ValueError):
 
 
 def require_small_overrun(drive: NDArray[np.float64], *, limits: DriveLimits, allowed: float) -> None:
-    """Refuse a first drive that reaches beyond a multiple of a limit.
+    """Refuse a first drive that exceeds a multiple of a limit.
 
-    `drive`, shape (n_u, samples): For the whole target, not projected. `limits`: Of the rig. `allowed`: Multiple of
-    each limit, 1 or more.
-    Raises `DriveOverrunError`: A value or a slew is beyond it.
+    `drive`, shape (n_u, samples): For the whole target, not projected. `limits`: Drive limits of the rig. `allowed`:
+    Multiple of each limit, 1 or more.
+    Raises `DriveOverrunError`: A value or a slew is beyond the multiple.
     """
     worst = max(
         (
@@ -139,7 +139,7 @@ def require_small_overrun(drive: NDArray[np.float64], *, limits: DriveLimits, al
 def _limited(
     drive: NDArray[np.float64], limits: DriveLimits
 ) -> Iterator[tuple[LimitQuantity, str, str, NDArray[np.float64], float, float]]:
-    """Yield what is limited of each drive: quantity, channel, unit, values, smallest and largest allowed value."""
+    """Yield the limited quantities of each drive: quantity, channel, unit, values, smallest and largest value."""
     if drive.shape[0] != len(limits.names):
         raise ValueError(f"The drive has {drive.shape[0]} channels; the rig has {len(limits.names)} drives.")
     for i, (name, unit) in enumerate(zip(limits.names, limits.units, strict=True)):
@@ -157,23 +157,23 @@ def require_within_limits(
     limits: DriveLimits,
     iteration_gain: NDArray[np.float64],
 ) -> None:
-    """Refuse a drive that passes a limit, and state the share of the gains that would fit.
+    """Refuse a drive that exceeds a limit, and state the share of the gains that would fit.
 
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
         The next drive.
     last_drive : ndarray, shape (n_u, samples), or None
-        The one that the update stepped from, the best so far or the one before; None is `U_0 = 0`.
+        Drive that the update stepped from, the best so far or the one before; None is `U_0 = 0`.
     limits : DriveLimits
-        Of the rig.
+        Drive limits of the rig.
     iteration_gain : ndarray, shape (n_y,)
-        The gains that made the step; it is proportional to them, but where squares of the drives are counteracted.
+        Gains of the step; it is proportional to them, except where squares of the drives are compensated.
 
     Raises
     ------
     DriveLimitError
-        A value or a slew of the drive is past its limit.
+        A value or a slew of the drive exceeds its limit.
     ValueError
         The drive does not have the rig's channels.
     """
@@ -195,14 +195,14 @@ def require_within_limits(
 
 
 def drive_slew(values: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
-    """Rate of change of one drive."""
-    # From rest, all drives zero: a rig's description does not say whether it ramps to the first sample, and one that
-    # does not begins with a step.
+    """Return the rate of change of one drive."""
+    # From rest, all drives zero: a rig's description does not state whether it ramps to the first sample, and a rig
+    # without a ramp begins with a step.
     return np.diff(values, prepend=0.0) * sample_rate
 
 
 def _worst(values: NDArray[np.float64], *, lowest: float, highest: float) -> tuple[float, float] | None:
-    """Return the value furthest outside and the limit it passes, or None."""
+    """Return the value furthest outside and the limit that it exceeds, or None."""
     if values.size == 0:
         return None
     above, below = float(values.max()), float(values.min())
@@ -219,15 +219,15 @@ def _fitting_share(values: NDArray[np.float64], before: NDArray[np.float64], *, 
 
 
 def _floor(value: float) -> float:
-    """Two decimals downwards: a gain that is said to fit does where the step is proportional to it."""
+    """Round down to two decimals, so that a stated gain fits if the step is proportional to it."""
     return float(np.floor(value * 100.0) / 100.0)
 
 
 def held_share(drive: NDArray[np.float64], limits: DriveLimits) -> float:
-    """Share of the time for which a drive stands at its smallest or largest allowed value, or within 1 % of the range.
+    """Return the share of the time that a drive is at, or within 1 % of the range of, its smallest or largest value.
 
-    `drive`, shape (n_u, samples): As played, drive units. `limits`: Of the rig.
-    Returns: 0 to 1; any channel counts.
+    `drive`, shape (n_u, samples): As played, drive units. `limits`: Drive limits of the rig.
+    Returns: Share of the time in which at least one channel is held, 0 to 1.
     """
     reach = limits.maximum - limits.minimum
     near = np.where(np.isfinite(reach), _HELD_WITHIN * reach, 0.0)[:, None]

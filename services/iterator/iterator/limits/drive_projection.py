@@ -1,4 +1,4 @@
-"""A drive beyond a rig's limits, carried to a near one that the rig can play, and reported."""
+"""Projection of a drive beyond a rig's limits to a near one that the rig can play."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from duralab_spectra import as_record, line_frequencies, rms
 from iterator.band import ControlBand, Segment, segments_of
 from iterator.limits.drive_limits import DriveLimits, LimitQuantity, drive_slew
 
-# Aimed at this much inside a limit, so that steps that only ever come nearer arrive after a finite number.
+# Margin inside a limit of the aim, so that steps with ever smaller progress arrive after a finite number.
 _AIM_INSIDE: Final = 0.005
-# Steps in the band before the remainder is clipped; what converges does so in a few dozen.
+# Steps in the band before the rest is clipped; a projection that converges needs a few dozen.
 _LARGEST_STEPS: Final = 150
-# Rounding of the last clip, relative to the limit, so that the rig's own sum does not find a drive past it.
+# Rounding of the last clip, relative to the limit, so that the rig's own computation finds no excess.
 _ROUNDING: Final = 1e-9
 
 
 @dataclass(frozen=True)
 class LimitPassing:
-    """One limit that a drive would have passed, before it was projected.
+    """Excess of a drive over a limit before its projection.
 
     Parameters
     ----------
@@ -31,11 +31,11 @@ class LimitPassing:
     quantity : LimitQuantity
         Peak or slew.
     limit, largest_excess : float
-        The limit's magnitude on the side that was passed furthest, and by how much it was passed there.
+        Magnitude of the limit on the side with the largest excess, and that excess.
     share_of_time : float
-        In which it was passed, above 0 to 1.
+        Share of the time beyond the limit, above 0 to 1.
     segments : tuple of Segment
-        When it was passed; passings less than half a second apart are one.
+        Time segments beyond the limit; segments less than half a second apart are joined.
     """
 
     channel: str
@@ -47,7 +47,7 @@ class LimitPassing:
     segments: tuple[Segment, ...]
 
     def __str__(self) -> str:
-        """Say it in one sentence."""
+        """Return the excess as one sentence."""
         first = self.segments[0]
         return (
             f"The drive of {self.channel} would have passed its {self.quantity.value} limit of {self.limit:.4g} "
@@ -58,21 +58,21 @@ class LimitPassing:
 
 @dataclass(frozen=True)
 class DriveProjection:
-    """A drive that the rig can play, and what had to be changed for it.
+    """A drive that the rig can play, and the changes that it needed.
 
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
-        Within every limit; the given one, to the last bit, in channels that passed none.
+        Drive within every limit; channels without an excess are exactly the given ones.
     passings : tuple of LimitPassing
-        Every limit that the given drive passed; empty where it fitted.
+        Every exceeded limit of the given drive; empty if it fitted.
     change : ndarray, shape (n_u,)
-        RMS of the removed part, over the RMS of the given drive; 0 where it fitted.
+        RMS of the removed part, over the RMS of the given drive; 0 if it fitted.
     saturated : ndarray of bool, shape (n_u, samples)
-        Where the given drive was past a limit.
+        Samples at which the given drive exceeded a limit.
     clipped : ndarray, shape (n_u,)
-        RMS of the part of the change that had to be clipped and so is not in the control band, over the RMS of the
-        given drive; 0 where the change stays in the band.
+        RMS of the clipped part of the change, which is not in the control band, over the RMS of the given drive; 0 if
+        the change stays in the band.
     """
 
     drive: NDArray[np.float64]
@@ -83,25 +83,25 @@ class DriveProjection:
 
 
 def project_drive(drive: NDArray[np.float64], *, limits: DriveLimits, band: ControlBand) -> DriveProjection:
-    """Carry a drive to a near one that holds peak and slew limits exactly, changed in the control band only.
+    """Project a drive to a near one that holds peak and slew limits exactly, changed in the control band only.
 
-    A clipped drive has corners, and corners excite what lies above the band. The excess over the limits is removed
-    in the band instead, again and again, each time as far as the excess' own half-space allows; what is left after a
-    number of steps is clipped, and said in `DriveProjection.clipped`.
+    A clipped drive has corners, which excite frequencies above the band. The excess over the limits is therefore
+    removed in the band, in repeated steps, each as far as the excess' own half-space allows; the rest after a number
+    of steps is clipped, and reported in `DriveProjection.clipped`.
 
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
         Drive units, from rest: its first sample counts as a step from 0.
     limits : DriveLimits
-        Of the rig.
+        Drive limits of the rig.
     band : ControlBand
-        Where drives have content.
+        Control band of the drives.
 
     Returns
     -------
     DriveProjection
-        The drive, and every limit that the given one passed.
+        The drive, and every exceeded limit of the given one.
 
     Raises
     ------
@@ -111,7 +111,7 @@ def project_drive(drive: NDArray[np.float64], *, limits: DriveLimits, band: Cont
     Notes
     -----
     Source: Bauschke, Combettes, Kruk, "Extrapolation algorithm for affine-convex feasibility problems" (2006): the
-    affine set is what the band may change, the convex one what the rig can play.
+    affine set is the set of changes within the band, the convex one the set of playable drives.
     """
     given = as_record(drive, name="drive")
     if given.shape[0] != len(limits.names):
@@ -160,7 +160,7 @@ class _Playable:
             maximum=float(limits.maximum[channel]),
             slew_limit=stated if stated > 0.0 else np.inf,
             sample_rate=limits.sample_rate,
-            # A step at the band's upper edge counts like the value that it comes from.
+            # A step at the band's upper edge counts as much as the value that it comes from.
             step_weight=(limits.sample_rate / (2.0 * np.pi * band.highest)) ** 2,
         )
 
@@ -170,12 +170,12 @@ class _Playable:
         return self.slew_limit / self.sample_rate
 
     def holds(self, values: NDArray[np.float64]) -> bool:
-        """Whether every value and step is allowed."""
+        """Return whether every value and step is allowed."""
         rate = np.abs(drive_slew(values, self.sample_rate))
         return bool(values.min() >= self.minimum and values.max() <= self.maximum and rate.max() <= self.slew_limit)
 
     def excess(self, values: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
-        """Gradient and value of the squared distance from a playable drive, aimed a little inside."""
+        """Return gradient and value of the squared distance from a playable drive, aimed a little inside."""
         inside = 1.0 - _AIM_INSIDE
         beyond = values - np.clip(values, inside * self.minimum, inside * self.maximum)
         size = float(beyond @ beyond)
@@ -187,7 +187,7 @@ class _Playable:
         return beyond, size
 
     def clip(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Nearest values, then halfway between the lowest and the highest curve of the allowed steepness."""
+        """Clip to the nearest values, then to the mean of the lowest and the highest curve of the allowed slew."""
         if self.holds(values):
             return values
         clipped = np.clip(values, self.minimum, self.maximum)
@@ -204,14 +204,14 @@ class _Playable:
 
 
 def _least_above(values: NDArray[np.float64], ramp: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Lowest ramp that rises from any value up to each."""
+    """Return at each sample the lowest of the ramps that rise from the values up to it."""
     return np.minimum.accumulate(values - ramp) + ramp
 
 
 def _taken_away_in_band(
     values: NDArray[np.float64], playable: _Playable, mask: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Come nearer to what is playable in the band only, until it is or the steps are used."""
+    """Approach the playable set by changes in the band only, until it is reached or the steps are used."""
     length = 2 * (mask.size - 1)
     current = values
     for _ in range(_LARGEST_STEPS):
@@ -229,7 +229,7 @@ def _taken_away_in_band(
 def _passings(
     values: NDArray[np.float64], limits: DriveLimits, *, channel: int
 ) -> list[tuple[LimitPassing, NDArray[np.bool_]]]:
-    """Every limit that one drive passes, and where."""
+    """Return every exceeded limit of one drive, with a mask of its samples."""
     unit, slew_limit = limits.units[channel], float(limits.slew_limit[channel])
     found: list[tuple[LimitPassing, NDArray[np.bool_]]] = []
     sides = [(LimitQuantity.PEAK, unit, values, float(limits.minimum[channel]), float(limits.maximum[channel]))]

@@ -1,4 +1,4 @@
-"""A rig's limits with a drive map: drives are projected in topological order."""
+"""Limits of a rig with a drive map: drives are projected in topological order."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from iterator.band import ControlBand
 from iterator.limits.drive_limits import DriveLimitError, DriveLimits, require_within_limits
 from iterator.limits.drive_projection import DriveProjection, project_drive
 
-# Shares of a step that are tried, one after the other, where a step does not fit; below the smallest one none is named.
+# Factor between tried shares of a step that does not fit, and the smallest share that is stated.
 _SMALLER_SHARE: Final = 0.9
 _SMALLEST_SHARE: Final = 0.01
 
@@ -26,15 +26,15 @@ def project_mapped_drive(
     band: ControlBand,
     adjust: Adjust | None = None,
 ) -> DriveProjection:
-    """Return the drive of a mapped drive, each channel projected to its limits before the ones that follow it are made.
+    """Return the drive of a mapped drive, each channel projected to its limits before its followers are made.
 
-    A drive that follows a product then follows what the rig plays: projected after all drives are made, it would follow
-    a stroke that is not played, and the rig would answer with the forces that the map is there to avoid.
+    A drive that follows a product then follows the played drives: if all drives were made before the projection, it
+    would follow a stroke that is not played, and the rig would respond with the forces that the map avoids.
 
-    `mapped`, shape (n_u, samples): `v`, drive units. `drive_map`: `T`. `limits`: Of the rig. `band`: What a projection
-    may change, see `project_drive`. `adjust`: Called with each drive before it is projected, see `DriveMap.to_drive`.
-    Returns: The drive `u`, and every limit that it would have passed; `change` and `clipped` are relative to the drive
-    before its own projection.
+    `mapped`, shape (n_u, samples): `v`, drive units. `drive_map`: `T`. `limits`: Drive limits of the rig. `band`: Band
+    of the changes, see `project_drive`. `adjust`: Called with each unprojected drive, see `DriveMap.to_drive`.
+    Returns: The drive `u`, and every limit that it would have exceeded; `change` and `clipped` are relative to the
+    drive before its own projection.
     Raises `ValueError`: The map is for other drives than the limits, a drive may not rest at 0, or a record does not
     fit.
     """
@@ -61,12 +61,12 @@ def project_mapped_drive(
 def wanted_drive(
     mapped: ArrayLike, *, drive_map: DriveMap, limits: DriveLimits, band: ControlBand
 ) -> NDArray[np.float64]:
-    """Return what a mapped drive asks of each channel, before its own limits and after those of the drives it follows.
+    """Return the wanted drive of each channel, before its own limits and after those of the drives it follows.
 
-    `mapped`, shape (n_u, samples): `v`, drive units. `drive_map`: `T`. `limits`: Of the rig. `band`: What a projection
-    may change.
-    Returns: shape (n_u, samples): Drive units; may pass the limits.
-    Raises `ValueError`: As `project_mapped_drive` does.
+    `mapped`, shape (n_u, samples): `v`, drive units. `drive_map`: `T`. `limits`: Drive limits of the rig. `band`: Band
+    of the changes.
+    Returns: Drives in drive units, shape (n_u, samples); may exceed the limits.
+    Raises `ValueError`: As in `project_mapped_drive`.
     """
     wanted: dict[int, NDArray[np.float64]] = {}
 
@@ -87,20 +87,20 @@ def drive_within_limits(
     iteration_gain: NDArray[np.float64],
     adjust: Adjust | None = None,
 ) -> NDArray[np.float64]:
-    """Return the drive of a mapped drive, or refuse it where it passes a limit and say which share of the gains fits.
+    """Return the drive of a mapped drive, or refuse it if it exceeds a limit and state the fitting share of the gains.
 
-    `mapped`, shape (n_u, samples): `v`, drive units. `last_mapped`, shape (n_u, samples): Mapped drive that the update
-    stepped from; None is zero. `drive_map`: `T`. `limits`: Of the rig. `iteration_gain`, shape (n_y,): Gains of the
-    step. `adjust`: Called with each drive before those that follow it are made, see `DriveMap.to_drive`.
-    Returns: shape (n_u, samples): `u`, drive units.
-    Raises `DriveLimitError`: A value or a slew of the drive is past its limit. `ValueError`: A record does not fit.
+    `mapped`, shape (n_u, samples): `v`, drive units. `last_mapped`, shape (n_u, samples): Mapped drive that the
+    update stepped from; None is zero. `drive_map`: `T`. `limits`: Drive limits of the rig. `iteration_gain`, shape
+    (n_y,): Gains of the step. `adjust`: Called with each drive before its followers are made, see `DriveMap.to_drive`.
+    Returns: Drive `u` in drive units, shape (n_u, samples).
+    Raises `DriveLimitError`: A value or a slew of the drive exceeds its limit. `ValueError`: A record does not fit.
     """
     start = np.zeros_like(mapped) if last_mapped is None else last_mapped
     drive, last_drive = drive_map.to_drive(mapped, adjust=adjust), drive_map.to_drive(start, adjust=adjust)
     refused = _refusal(drive, last_drive, limits, iteration_gain)
     if refused is None:
         return drive
-    # The limits' own share is that of a drive that is proportional to the gains. One that follows a product is not.
+    # The share of the error assumes a drive proportional to the gains. A drive that follows a product is not.
     share = refused.fitting_share
     while share >= _SMALLEST_SHARE:
         tried = drive_map.to_drive(start + share * (mapped - start), adjust=adjust)
@@ -128,7 +128,7 @@ def _refusal(
 
 
 def require_rest_within_limits(drive_map: DriveMap, limits: DriveLimits) -> None:
-    """Refuse limits that do not hold the rest position of a drive that a map moves.
+    """Refuse limits that exclude the rest position of a drive that a map moves.
 
     `drive_map`: Its drives rest at `u = 0`, because `T(0) = 0`. `limits`: Of the same drives.
     Raises `ValueError`: 0 is outside the limits of a drive that leads or follows in a term.

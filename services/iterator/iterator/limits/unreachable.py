@@ -1,4 +1,4 @@
-"""Stretches of a target that the rig cannot reach: flagged and left, not chased."""
+"""Segments of a target that the rig cannot reach: reported, and excluded from corrections."""
 
 from __future__ import annotations
 
@@ -12,26 +12,26 @@ from scipy.ndimage import uniform_filter1d
 from duralab_spectra import as_record
 from iterator.band import Segment, segments_of
 
-# Over which the error's energy is averaged, and how near a saturated drive counts, s.
+# Window in s in which the error's energy is averaged, and in which a saturated drive counts.
 _WINDOW_SECONDS: Final = 1.0
-# An error counts as the limit's where it is this many times what it is where no drive was at a limit.
+# An error is caused by the limit if it is this many times the error without any drive at a limit.
 _LARGER_ERROR: Final = 1.5
-# Less than this share of the target's RMS is no miss, however good the rest is.
+# An error below this share of the target's RMS is not reported, regardless of the rest.
 _SMALLEST_MISS: Final = 0.1
 
 
 @dataclass(frozen=True)
 class UnreachableSegment:
-    """A stretch in which a response misses its target while a drive is held at its limits.
+    """Segment in which a response misses its target while a drive is held at its limits.
 
     Parameters
     ----------
     response : int
-        Which one, from 0.
+        Row of the response, from 0.
     segment : Segment
-        When.
+        Time segment.
     relative_rms_error : float
-        In it: RMS of the error over that of the whole target's channel.
+        RMS of the error in the segment over that of the whole target's channel.
     """
 
     response: int
@@ -46,22 +46,22 @@ def unreachable_segments(
     saturated: NDArray[np.bool_],
     sample_rate: float,
 ) -> tuple[UnreachableSegment, ...]:
-    """Find where a response misses its target because a drive was held at the rig's limits.
+    """Find segments in which a response misses its target because a drive was held at the rig's limits.
 
     Parameters
     ----------
     target, response : ndarray, shape (n_y, samples)
-        Both as judged, in the control band.
+        Target and judged response, in the control band.
     saturated : ndarray of bool, shape (n_u, samples)
-        Where each drive was held, see `DriveProjection.saturated`.
+        Samples at which each drive was held, see `DriveProjection.saturated`.
     sample_rate : float
-        Hz.
+        Sample rate, Hz.
 
     Returns
     -------
     tuple of UnreachableSegment
-        By response, then in order of time; empty where no drive was held, or where the error there is like that
-        elsewhere or below a tenth of the target's RMS. Where a drive was held all the time, there is no elsewhere.
+        Segments by response, then in order of time; empty if no drive was held, or if the error in them is like
+        that elsewhere or below a tenth of the target's RMS. If a drive was held all the time, there is no elsewhere.
 
     Raises
     ------

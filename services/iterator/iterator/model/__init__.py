@@ -1,4 +1,4 @@
-"""The rig's model in the frequency domain: its inverse, both applied to records, and the playbacks that bend it."""
+"""Model of the rig in the frequency domain: its inverse, both applied to records, and the playbacks that correct it."""
 
 from iterator.model.applied_model import apply_inverse, drive_without, predict, stepped_drive
 from iterator.model.drive_terms import ODD_TERMS, DriveTerm

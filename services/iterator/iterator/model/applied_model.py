@@ -12,31 +12,31 @@ from iterator.band import ControlBand
 from iterator.model.interpolated_product import InterpolatedMatrix
 from iterator.model.rig import RigModel
 
-# Two sample rates that differ by less are the same one, rounded.
+# Sample rates with a smaller relative difference are equal except for rounding.
 _SAME_RATE: Final = 1e-9
 
 
 def apply_inverse(model: RigModel, error: ArrayLike, *, band: ControlBand) -> NDArray[np.float64]:
-    """Return the drive that makes `error` by the model: `Ĥ†` on the whole record, acausal, in the control band.
+    """Return the drive that gives `error` by the model: `Ĥ†` on the whole record, acausal, in the control band.
 
     Parameters
     ----------
     model : RigModel
-        Its identified band holds the control band.
+        Model whose identified band includes the control band.
     error : array_like, shape (n_y, samples)
-        Response units.
+        Record in response units.
     band : ControlBand
-        Drives get energy in it only.
+        Control band; drives get energy only in it.
 
     Returns
     -------
     ndarray, shape (n_u, samples)
-        Drive units.
+        Drive in drive units.
 
     Raises
     ------
     ValueError
-        The record does not fit the model, or the control band passes the identified lines.
+        The record does not fit the model, or the control band exceeds the identified lines.
     """
     return _apply(model, model.inverse_frf, error, band=band)
 
@@ -50,14 +50,14 @@ def stepped_drive(
     stepped_from: NDArray[np.float64],
     step_gain: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Return a drive and the step from it that makes by the model what is missing of the target, in one go.
+    """Return a drive plus the step that gives the missing part of the target by the model, in one pass.
 
-    `model`: Its identified band holds the control band. `target`, shape (n_y, samples): Response units. `response`,
-    shape (n_y, samples): What the drive makes already, response units. `band`: The step has energy in it only.
+    `model`: Its identified band includes the control band. `target`, shape (n_y, samples): Response units. `response`,
+    shape (n_y, samples): Response that the drive already gives, response units. `band`: Band of the step's energy.
     `stepped_from`, shape (n_u, samples): The drive, drive units. `step_gain`, shape (samples,): Share of the step that
-    is made at each instant; all of it where not given.
-    Returns: shape (n_u, samples): Drive units.
-    Raises `ValueError`: A record does not fit the model, or the control band passes the identified lines.
+    is made at each instant; the whole step if not given.
+    Returns: Drive in drive units, shape (n_u, samples).
+    Raises `ValueError`: A record does not fit the model, or the control band exceeds the identified lines.
     """
     return _apply(
         model,
@@ -79,40 +79,40 @@ def drive_without(
     drive: NDArray[np.float64],
     step_gain: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Return a drive less the one that makes by the model what further inputs add to the responses.
+    """Return a drive minus the one that gives by the model what further inputs add to the responses.
 
-    `model`: Its identified band holds the control band. `addition`, shape (inputs, samples): The further inputs, in
-    units of their own. `by`, shape (lines, n_y, inputs): What they add, response unit per unit of theirs; at the
-    model's lines. `band`: The correction has energy in it only. `drive`, shape (n_u, samples): Drive units.
-    `step_gain`, shape (samples,): Share of the correction that is made at each instant; all of it where not given.
-    Returns: shape (n_u, samples): Drive units.
-    Raises `ValueError`: A record does not fit the model, or the control band passes the identified lines.
+    `model`: Its identified band includes the control band. `addition`, shape (inputs, samples): The further inputs, in
+    their units. `by`, shape (lines, n_y, inputs): FRF of the further inputs at the model's lines, response unit per
+    input unit. `band`: Band of the correction's energy. `drive`, shape (n_u, samples): Drive units. `step_gain`, shape
+    (samples,): Share of the correction that is made at each instant; the whole correction if not given.
+    Returns: Drive in drive units, shape (n_u, samples).
+    Raises `ValueError`: A record does not fit the model, or the control band exceeds the identified lines.
     """
     correction = -np.matmul(model.inverse_frf, by)
     return _apply(model, correction, addition, band=band, gain=step_gain, stepped_from=drive)
 
 
 def predict(model: RigModel, drive: ArrayLike, *, band: ControlBand) -> NDArray[np.float64]:
-    """Return the response in the control band that the model expects of a drive, `Ŷ = Ĥ U`.
+    """Return the response to a drive that the model predicts in the control band, `Ŷ = Ĥ U`.
 
     Parameters
     ----------
     model : RigModel
-        Its identified band holds the control band.
+        Model whose identified band includes the control band.
     drive : array_like, shape (n_u, samples)
-        Drive units.
+        Drive in drive units.
     band : ControlBand
-        The response is predicted in it.
+        Band of the predicted response.
 
     Returns
     -------
     ndarray, shape (n_y, samples)
-        Response units.
+        Response in response units.
 
     Raises
     ------
     ValueError
-        The record does not fit the model, or the control band passes the identified lines.
+        The record does not fit the model, or the control band exceeds the identified lines.
     """
     return _apply(model, model.frf, drive, band=band)
 
@@ -127,9 +127,9 @@ def _apply(
     gain: NDArray[np.float64] | None = None,
     stepped_from: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    # The flanks of a control band are narrower than the lines of a block, so the matrix is interpolated to the record's
-    # own fine lines, from identified lines only. Nothing from outside the band can enter, no impulse response is cut
-    # off, and the mask acts on the very lines that are played.
+    # The flanks of a control band are narrower than the spacing of a block's lines, so the matrix is interpolated to
+    # the record's fine lines, from identified lines only. Nothing from outside the band enters, no impulse response is
+    # truncated, and the mask acts on the lines that are played.
     record = as_record(samples)
     if record.shape[0] != matrix.shape[2]:
         raise ValueError(f"The record has {record.shape[0]} channels; the model takes {matrix.shape[2]}.")
@@ -153,8 +153,8 @@ def _apply(
     count = record.shape[1]
     transform = band.transform(count)
     mask = band.drive_mask(transform.frequency)
-    # Less than one line may lie between the band's edge and the nearest identified line: its value stands in there,
-    # where the mask is low; a cubic would extrapolate.
+    # Less than one line spacing may lie between the band's edge and the nearest identified line, whose value is used
+    # there, where the mask is low; a cubic would extrapolate.
     at = np.clip(transform.frequency, known[0], known[-1])
     spectrum = np.empty((record.shape[0], at.size), dtype=np.complex128)
     missing = np.empty(count)

@@ -1,4 +1,4 @@
-"""Nonlinear terms of the drives, which an update can learn beside the linear model."""
+"""Nonlinear terms of the drives, which an update can learn in addition to the linear model."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from numpy.typing import NDArray
 
 
 class DriveTerm(Enum):
-    """Function of one drive that its response may follow beside the drive itself."""
+    """Function of one drive that its response may follow in addition to the drive itself."""
 
     SQUARE = "u²"
-    """Arcs of levers, and springs that are stiffer one way."""
+    """For arcs of levers, and springs that are stiffer in one direction."""
     CUBE = "u³"
-    """Springs that get stiffer or softer both ways."""
+    """For springs that get stiffer or softer in both directions."""
     SIGNED_SQUARE = "u|u|"
-    """Flow through an orifice, and friction that yields."""
+    """For flow through an orifice, and friction that yields."""
 
     @property
     def degree(self) -> int:
-        """Power of the drive's unit that the term has."""
+        """Power of the drive's unit in the term."""
         return 3 if self is DriveTerm.CUBE else 2
 
     def values(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:

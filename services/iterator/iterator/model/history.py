@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 @dataclass(frozen=True)
 class Playback:
-    """One drive that was played, and what came back.
+    """A played drive and its response.
 
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
-        As played, or its mapped drive where the campaign has a drive map; drive units.
+        Drive as played, or its mapped drive if the campaign has a drive map; drive units.
     response : ndarray, shape (n_y, samples)
-        In the control band, as it is judged, response units.
+        Judged response in the control band, response units.
     """
 
     drive: NDArray[np.float64]
@@ -31,11 +31,11 @@ class IterationHistory:
     Parameters
     ----------
     target : ndarray, shape (n_y, samples)
-        In the control band, response units.
+        Target in the control band, response units.
     playbacks : tuple of Playback
-        From the first to the last; empty before the first.
+        Playbacks from the first to the last; empty before the first.
     start : Playback, optional
-        Drive to make the first step from, and the response that it is taken to give; rest where not given.
+        Drive of the first step's start, and its assumed response; rest if not given.
     """
 
     target: NDArray[np.float64]
@@ -44,7 +44,7 @@ class IterationHistory:
 
     @property
     def last(self) -> Playback | None:
-        """The playback that the next step goes from: the last one, or before the first the start; None for rest."""
+        """Playback that the next step starts from: the last one, or before the first the start; None for rest."""
         return self.playbacks[-1] if self.playbacks else self.start
 
     def after(self, playback: Playback) -> IterationHistory:

@@ -1,4 +1,4 @@
-"""A matrix that is known at a few lines, applied to the spectra of records at their many lines between them."""
+"""Product of a matrix known at a few lines with the spectra of records at many lines between them."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 _TERMS: Final = 4
-# Their powers and products stay in the second cache together.
+# Lines per block, so that their powers and products together fit into the second-level cache.
 _LINES_TOGETHER: Final = 2048
 
 
 class InterpolatedMatrix:
-    """The matrix that a cubic spline through known lines has at other lines.
+    """Matrix at other lines, interpolated by a cubic spline through known lines.
 
     Between two known lines the matrix is `M_0 s³ + M_1 s² + M_2 s + M_3`, so its product with a line `x` is
     `[M_0 M_1 M_2 M_3]` times the stack of `s³ x`, `s² x`, `s x` and `x`: one product for all lines between two known
-    ones is several times faster than to lay out a matrix for every line.
+    ones is several times faster than a matrix for every line.
 
     `known`, shape (known lines,): Hz, rising. `matrix`, shape (known lines, n_out, n_in). `at`, shape (lines,): Hz,
     rising.
     """
 
     def __init__(self, known: NDArray[np.float64], matrix: NDArray[np.complex128], *, at: NDArray[np.float64]) -> None:
-        # It takes half a second to import, and a service shall start at once.
+        # The import takes half a second, and a service must start at once.
         from scipy.interpolate import CubicSpline
 
         spline = CubicSpline(known, matrix, axis=0)
@@ -32,7 +32,7 @@ class InterpolatedMatrix:
         coefficients = np.ascontiguousarray(spline.c.transpose(1, 2, 0, 3))
         self._coefficients = coefficients.reshape(pieces, self._n_out, _TERMS * self._n_in)
         self._bounds = np.concatenate([[0], np.searchsorted(at, known[1:-1]), [at.size]])
-        # Twice each: for the real and the imaginary part, which are multiplied alike.
+        # Twice each, for the real and the imaginary part, which have the same factor.
         self._offset = np.repeat(at - np.repeat(known[:-1], np.diff(self._bounds)), 2)
 
     def times(

@@ -1,4 +1,4 @@
-"""Inverses of an FRF matrix: weighted least squares, and cautious where the matrix is not known well."""
+"""Inverses of an FRF matrix: weighted least squares, and cautious ones for an uncertain matrix."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from duralab_spectra import inverse_frf
 
-# Of levelling rows and columns of a matrix in turn (Sinkhorn): a few take units away, more would change little.
+# Rounds of alternate scaling of rows and columns (Sinkhorn): a few remove the units, more would change little.
 _LEVELLING_ROUNDS: Final = 8
 
 
@@ -20,11 +20,11 @@ def weighted_inverse(
     frequency: NDArray[np.float64],
     response_weight: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    """Masked weighted pseudo-inverse; a response of weight 0 is watched and asks nothing of the drives."""
+    """Return the masked weighted pseudo-inverse; a response of weight 0 is monitored and has no effect on drives."""
     weight = checked_response_weight(response_weight, responses=frf.shape[1], drives=frf.shape[2])
     controlled = weight > 0.0
     matrix = np.ascontiguousarray(frf[:, controlled])
-    # Weights do not change an inverse, only how well conditioned it looks: it is not to be refused for its units.
+    # Weights change only the condition number of a square matrix, not its inverse: units must not cause a refusal.
     square = matrix.shape[1] == matrix.shape[2]
     row_weight = _levelling_weights(matrix[mask > 0.0]) if square else weight[controlled]
     result = np.zeros((frf.shape[0], frf.shape[2], frf.shape[1]), dtype=np.complex128)
@@ -33,13 +33,13 @@ def weighted_inverse(
 
 
 def _levelling_weights(frf: NDArray[np.complex128]) -> NDArray[np.float64]:
-    """Weights of responses with which, drives scaled alike, every row has the same mean energy over the lines."""
+    """Return weights of responses that give every row the same mean energy over the lines, with level drives."""
     power = np.mean(np.abs(frf) ** 2, axis=0)
     share = np.ones(power.shape[0])
     for _ in range(_LEVELLING_ROUNDS):
         drives = share @ power
         rows = power @ np.divide(1.0, drives, out=np.zeros_like(drives), where=drives > 0.0)
-        # A row without any energy is singular whatever its weight.
+        # A row without energy is singular with any weight.
         share = np.divide(1.0, rows, out=np.ones_like(rows), where=rows > 0.0)
     return np.sqrt(share)
 
@@ -49,8 +49,8 @@ def checked_response_weight(
 ) -> NDArray[np.float64]:
     """Check the weights of responses.
 
-    `response_weight`, shape (n_y,): 0 or more and finite. `responses`, `drives`: Of the model.
-    Returns: shape (n_y,): The weights.
+    `response_weight`, shape (n_y,): 0 or more and finite. `responses`, `drives`: Numbers of the model.
+    Returns: Weights, shape (n_y,).
     Raises `ValueError`: Another number of weights, a negative or infinite one, or too few above 0.
     """
     weight = np.asarray(response_weight, dtype=np.float64)
@@ -75,17 +75,17 @@ def cautious_inverse(
     response_weight: NDArray[np.float64],
     drive_scale: NDArray[np.float64],
 ) -> NDArray[np.complex128]:
-    """Inverse that asks little where the FRF is doubtful: `(HᴴH + E[δᴴδ] + ρ s̄ I)⁻¹ Hᴴ`, in scaled units.
+    """Return an inverse with small gain at a doubtful FRF: `(HᴴH + E[δᴴδ] + ρ s̄ I)⁻¹ Hᴴ`, in scaled units.
 
-    Without uncertainty and regularisation it is the weighted pseudo-inverse. The expected squared error over all FRF
-    matrices that the uncertainty allows is least with `E[δᴴδ]` beside `HᴴH`.
+    Without uncertainty and regularisation it is the weighted pseudo-inverse. With `E[δᴴδ]` beside `HᴴH` the expected
+    squared error over all FRF matrices within the uncertainty is smallest.
 
     `frf`, shape (lines, n_y, n_u): Lines to invert only, response unit per drive unit. `uncertainty`, shape (lines,
     n_u, n_u): `E[δᴴδ]`, Hermitian, of weighted responses and scaled drives. `regularisation`: `ρ`, 0 or more; `s̄` is
-    the median over lines of `tr(HᴴH) / n_u`. `response_weight`, shape (n_y,): 0 or more; 0 watches. `drive_scale`,
-    shape (n_u,): Drive units that count alike, greater than 0: the identification's RMS.
-    Returns: shape (lines, n_u, n_y): Drive unit per response unit.
-    Raises `ValueError`: A regularisation below 0, a line that is singular all the same, or an inverse that is not
+    the median over lines of `tr(HᴴH) / n_u`. `response_weight`, shape (n_y,): 0 or more; 0 for monitored responses.
+    `drive_scale`, shape (n_u,): Scale with which drives count equally, greater than 0: the identification's RMS.
+    Returns: Inverse, shape (lines, n_u, n_y), drive unit per response unit.
+    Raises `ValueError`: A negative regularisation, a line that is singular nevertheless, or an inverse that is not
     finite.
     Source: linear minimum mean square error; A. N. Tikhonov for the last term.
     """

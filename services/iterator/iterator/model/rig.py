@@ -1,4 +1,4 @@
-"""The identified rig as the iteration uses it: FRF matrix and inverse."""
+"""Identified rig for the iteration: FRF matrix and inverse."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from iterator.model.inversion import cautious_inverse, weighted_inverse
 from iterator.model.step_spectra import ForeseenStep, SeenStep
 
 FEWEST_LINES: Final = 4
-"""Lines that the identified band must hold: a cubic is laid through them."""
+"""Smallest number of lines in the identified band, because a cubic is fitted to them."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class ModelUncertainty:
     Parameters
     ----------
     residual_psd : ndarray, shape (lines, n_y)
-        What the drives did not explain, response unit²/Hz.
+        PSD of the part of the responses that the drives do not explain, response unit²/Hz.
     row_covariance : ndarray, shape (lines, n_u, n_u)
-        Hermitian, Hz per drive unit²; positive definite at the identified lines.
+        Row covariance, Hermitian, Hz per drive unit²; positive definite at the identified lines.
     """
 
     residual_psd: NDArray[np.float64]
@@ -42,31 +42,30 @@ class RigModel:
     Parameters
     ----------
     frequency : ndarray, shape (lines,)
-        Hz, from 0 to half the sample rate.
+        Frequencies, Hz, from 0 to half the sample rate.
     frf : ndarray, shape (lines, n_y, n_u)
-        Response unit per drive unit, e^{+jwt}; 0 outside the identified lines.
+        FRF, response unit per drive unit, e^{+jwt}; 0 outside the identified lines.
     inverse_frf : ndarray, shape (lines, n_u, n_y)
-        Drive unit per response unit; 0 outside the identified lines.
+        Inverse, drive unit per response unit; 0 outside the identified lines.
     identified : slice
         Lines at which the experiment's drives had energy.
     response_weight : ndarray, shape (n_y,), optional
-        Weights of the pseudo-inverse; 0 for a response that is watched but not controlled. None: equal weights.
+        Weights of the pseudo-inverse; 0 for a monitored response. None: equal weights.
     uncertainty : ModelUncertainty, optional
-        Of the identification.
+        Uncertainty of the identification.
     identified_frf : ndarray, shape (lines, n_y, n_u), optional
-        `H_0`, where an update bent `frf` away from it.
+        `H_0`, if an update corrected `frf`.
     seen_steps : tuple of SeenStep
-        Of which an update bent it: the next one need not form their spectra again.
+        Steps that an update used for the correction: the next update need not compute their spectra again.
     terms : tuple of DriveTerm
         Nonlinear terms of the drives that an update learned.
     term_frf : ndarray, shape (lines, n_y, terms n_u), optional
-        What they add to the responses, term after term, response unit per drive unit to the power of 2 or 3; None
-        where there are no terms.
+        FRF of the terms, term after term, response unit per drive unit to the power of 2 or 3; None without terms.
     foreseen_steps : tuple of ForeseenStep
-        How well the models before each of the seen steps predicted it.
+        Prediction errors of the models before each of the seen steps.
     earlier : tuple of tuple of Playback
         Playbacks of earlier campaigns on the same rig, one tuple for each campaign: an update that learns from steps
-        learns from theirs, too, in this order before its own.
+        also learns from theirs, in this order before its own.
     """
 
     frequency: NDArray[np.float64]
@@ -84,7 +83,7 @@ class RigModel:
 
     @property
     def block_samples(self) -> int:
-        """Samples of a block whose transform has the model's lines."""
+        """Number of samples of a block whose transform has the model's lines."""
         return 2 * (self.frequency.size - 1)
 
 
@@ -104,35 +103,35 @@ def rig_model(
     Parameters
     ----------
     frequency : array_like, shape (lines,)
-        Hz, from 0 to half the sample rate, equally spaced.
+        Frequencies, Hz, from 0 to half the sample rate, equally spaced.
     frf : array_like, shape (lines, n_y, n_u)
-        Response unit per drive unit, `n_y >= n_u`, finite inside the identified band.
+        FRF, response unit per drive unit, `n_y >= n_u`, finite inside the identified band.
     identified_band : tuple of float
         Lowest and highest frequency with drive energy in the experiment, Hz.
     response_weight : array_like, shape (n_y,), optional
         Weight of each response in the least squares of a model with more responses than drives, usually 1 over the
-        target's RMS. Of the responses above 0 there must be as many as drives; those of 0 are watched, not controlled.
+        target's RMS. At least as many as drives must be above 0; responses of weight 0 are monitored.
     uncertainty : ModelUncertainty, optional
-        Of the identification; what the secant update and a cautious inverse need.
+        Uncertainty of the identification, required by the secant update and a cautious inverse.
     caution : float, optional
-        Share of the uncertainty that the first inverse minds, 0 or more: it asks less of the drives where the FRF is
-        doubtful. 0 is the plain pseudo-inverse.
+        Share of the uncertainty in the first inverse, 0 or more: the inverse has less gain where the FRF is doubtful.
+        0 is the plain pseudo-inverse.
     regularisation : float, optional
-        Of the first inverse, relative to the median of `tr(ĤᴴĤ) / n_u`, 0 or more.
+        Regularisation of the first inverse, relative to the median of `tr(ĤᴴĤ) / n_u`, 0 or more.
     static_gain : array_like, shape (n_y, n_u), optional
-        Measured gain at 0 Hz, response unit per drive unit, finite. The model then reaches down to 0 Hz: lines between
-        0 Hz and the identified band are laid straight, and are as uncertain as the band's first line.
+        Measured gain at 0 Hz, response unit per drive unit, finite. The model then begins at 0 Hz: lines between 0 Hz
+        and the identified band are interpolated linearly, with the uncertainty of the band's first line.
 
     Returns
     -------
     RigModel
-        The start of a campaign.
+        Model at the start of a campaign.
 
     Raises
     ------
     ValueError
-        Shapes that do not fit, fewer responses than drives, too few lines in the band, or a line inside it at which
-        the FRF cannot be inverted.
+        Shapes that do not fit, fewer responses than drives, too few lines in the band, or a line in it with an FRF
+        that cannot be inverted.
     """
     estimate = np.asarray(frf, dtype=np.complex128)
     lines = np.asarray(frequency, dtype=np.float64)
@@ -154,7 +153,7 @@ def rig_model(
             f"The identified band of {lowest:g} to {highest:g} Hz holds {held.size} lines of the model; at least "
             f"{FEWEST_LINES} are needed: take longer blocks or a wider band."
         )
-    # Outside the band the estimate means nothing and may be anything, also not a number.
+    # Outside the band the estimate has no meaning, and may be NaN.
     known = inside.reshape(-1, *(1,) * (estimate.ndim - 1)) > 0.0
     matrix = as_frf(np.where(known, estimate, 0.0))
     weight = np.ones(matrix.shape[1]) if response_weight is None else np.asarray(response_weight, dtype=np.float64)
@@ -185,7 +184,7 @@ def _from_static_gain(
     *,
     first: int,
 ) -> tuple[NDArray[np.complex128], ModelUncertainty | None]:
-    """Return FRF and uncertainty from 0 Hz on; `first` is the first identified line."""
+    """Return FRF and uncertainty from 0 Hz; `first` is the first identified line."""
     if static_gain.shape != frf.shape[1:] or not np.isfinite(static_gain).all():
         raise ValueError(
             f"The static gain has the shape {static_gain.shape}; it must be {frf.shape[1:]} like a line of the FRF, "
@@ -216,7 +215,7 @@ def _first_cautious_inverse(
         raise ValueError(f"The caution is {caution:g} and the model's uncertainty is not given; give it or ask for 0.")
     if not 0.0 <= caution < np.inf:
         raise ValueError(f"The caution is {caution:g}; it must be finite and 0 or more.")
-    # A drive counts by what it moves, so that units do not count.
+    # A drive is scaled by its effect on the responses, so that units do not count.
     scale = 1.0 / np.sqrt(np.mean(np.sum(np.abs(frf * weight[:, None]) ** 2, axis=1), axis=0))
     doubt = np.zeros((lines.size, scale.size, scale.size), dtype=np.complex128)
     if uncertainty is not None:
@@ -228,10 +227,10 @@ def _first_cautious_inverse(
 
 
 def driven_lines(model: RigModel, band: ControlBand) -> NDArray[np.intp]:
-    """Return the identified lines at which drives get energy.
+    """Return the identified lines at which drives have energy.
 
-    `model`: Its lines. `band`: Drives get energy in it only.
-    Returns: shape (driven,): Indices of lines, rising.
+    `model`: Model with the lines. `band`: Band of the drives' energy.
+    Returns: Indices of lines, rising, shape (driven,).
     """
     inside = np.zeros(model.frequency.size, dtype=bool)
     inside[model.identified] = True

@@ -1,4 +1,4 @@
-"""Spectra of the steps between playbacks, each formed once."""
+"""Spectra of the steps between playbacks, each computed once."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from iterator.model.drive_terms import DriveTerm
 from iterator.model.history import IterationHistory, Playback
 
 SMOOTHED_LINES: Final = 5
-"""Lines that a smoothed one is made of."""
+"""Number of lines that are averaged in a smoothed line."""
 
 
 @dataclass(frozen=True)
 class StepSpectra:
     """Averaged spectra of steps of drive and response, one-sided densities.
 
-    `response_with_drive`, shape (lines, n_y, inputs): `S̄_ΔyΔu`; the inputs are the drives and behind them, term after
-    term, the nonlinear terms that the steps were cut with. `drive`, shape (lines, inputs, inputs): `S̄_ΔuΔu`, likewise.
+    `response_with_drive`, shape (lines, n_y, inputs): `S̄_ΔyΔu`; the inputs are the drives, followed term by term by
+    the nonlinear terms of the steps. `drive`, shape (lines, inputs, inputs): `S̄_ΔuΔu`, for the same inputs.
     `response`, shape (lines, n_y): Diagonal of `S̄_ΔyΔy`.
     """
 
@@ -30,7 +30,7 @@ class StepSpectra:
     response: NDArray[np.float64]
 
     def unexplained(self, by: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return what a matrix of all inputs leaves of the responses' energy; 0 where rounding makes it negative."""
+        """Return the response energy that a matrix of all inputs does not explain; 0 if rounding makes it negative."""
         explained = 2.0 * np.einsum("fij,fij->fi", by.conj(), self.response_with_drive).real
         modelled = np.einsum("fij,fij->fi", np.matmul(by, self.drive), by.conj()).real
         return np.maximum(self.response - explained + modelled, 0.0)
@@ -46,11 +46,12 @@ class StepSpectra:
 
 @dataclass(frozen=True)
 class StepBlocks:
-    """Division of steps into blocks, and the lines that are kept.
+    """Division of steps into blocks, and the fitted lines.
 
-    `block_samples`: Samples in a block, even; half a block of zeros goes before and behind, so that ends count and any
-    length does. `overlap`: Of the blocks, 0 up to but not including 1. `sample_rate`: Hz. `first`, `last`: Lines
-    between which, and at which, the rig is fitted. `terms`: Nonlinear terms of the drives that are further inputs.
+    `block_samples`: Even number of samples in a block; half a block of zeros is added before and after, so that ends
+    count and any length is allowed. `overlap`: Overlap of the blocks, 0 up to but not including 1. `sample_rate`: Hz.
+    `first`, `last`: First and last line at which the rig is fitted. `terms`: Nonlinear terms of the drives that are
+    further inputs.
     """
 
     block_samples: int
@@ -62,13 +63,13 @@ class StepBlocks:
 
     @property
     def around(self) -> slice:
-        """Those lines and their neighbours, which count in the smoothing, where there are any."""
+        """Fitted lines and their existing neighbours, which are used in the smoothing."""
         reach, available = SMOOTHED_LINES // 2, self.block_samples // 2 + 1
         start = max(0, min(self.first - reach, available - SMOOTHED_LINES))
         return slice(start, min(available, max(self.last + reach + 1, start + SMOOTHED_LINES)))
 
     def independent_averages(self, samples: int) -> float:
-        """Return how many independent blocks the spectra of a step of so many samples are averaged over."""
+        """Return the number of independent blocks in the spectra of a step of `samples` samples."""
         hop = hop_samples(self.block_samples, self.overlap)
         blocks = count_blocks(samples + self.block_samples, self.block_samples, self.overlap)
         return independent_averages(hann_periodic(self.block_samples), hop, blocks)
@@ -76,10 +77,11 @@ class StepBlocks:
 
 @dataclass(frozen=True)
 class SeenStep:
-    """A step whose spectra are formed already.
+    """A step with its spectra.
 
-    `before`: Where it started; None is zero. `after`: Where it ended. `blocks`: As they were cut. `mean_square`, shape
-    (n_y,): Of the response's step. `spectra`: Not smoothed, at the lines `blocks.around`.
+    `before`: Playback at its start; None is zero. `after`: Playback at its end. `blocks`: Its division into blocks.
+    `mean_square`, shape (n_y,): Mean square of the response's step. `spectra`: Not smoothed, at the lines
+    `blocks.around`.
     """
 
     before: Playback | None
@@ -91,10 +93,10 @@ class SeenStep:
 
 @dataclass(frozen=True)
 class ForeseenStep:
-    """A step, and how well models that were fitted to the steps before it foresee it.
+    """A step and its prediction errors by models that were fitted to the steps before it.
 
-    `step`: It. `fitted_with`: Settings and weights of those fits. `left`: Share of the step's energy that each model
-    leaves unexplained; one value for each set of inputs.
+    `step`: The step. `fitted_with`: Settings and weights of those fits. `left`: Share of the step's energy that each
+    model leaves unexplained; one value for each set of inputs.
     """
 
     step: SeenStep
@@ -109,16 +111,16 @@ def seen_steps(
     before: tuple[SeenStep, ...] = (),
     earlier: tuple[tuple[Playback, ...], ...] = (),
 ) -> tuple[SeenStep, ...]:
-    """Form the spectra of all steps `Δu_j = u_j - u_{j-1}` and `Δy_j`; `u_0 = y_0 = 0`, in each campaign.
+    """Compute the spectra of all steps `Δu_j = u_j - u_{j-1}` and `Δy_j`; `u_0 = y_0 = 0`, in each campaign.
 
-    `history`: With one playback or more, or with `earlier` ones: those of campaigns before, whose steps come first.
-    `blocks`: How to cut the steps. `before`: What an earlier call returned. Steps between the very same playbacks, cut
-    alike, are taken from it: they would come out the same, byte for byte.
-    Returns: From the first step to the last.
+    `history`: With one playback or more, or with `earlier` ones: those of earlier campaigns, whose steps come first.
+    `blocks`: Division of the steps. `before`: Result of an earlier call. Steps between the same playbacks with the
+    same blocks are taken from it: they would be identical, byte for byte.
+    Returns: Steps from the first to the last.
     """
     lines = (*earlier, history.playbacks)
     known = {(id(step.before), id(step.after)): step for step in before if step.blocks == blocks}
-    # Made when the first step of its length needs it: only the part between the zeros is written to.
+    # Made when the first step of its length needs it; only the part between the zeros is written.
     padded: NDArray[np.float64] | None = None
     steps: list[SeenStep] = []
     for start, end in (pair for line in lines for pair in zip((None, *line[:-1]), line, strict=False)):
@@ -136,18 +138,18 @@ def seen_steps(
 def averaged_steps(
     steps: tuple[SeenStep, ...], *, forgetting: float, response_weight: NDArray[np.float64], each_line: bool = False
 ) -> StepSpectra:
-    """Average the spectra of steps, the latest ones most.
+    """Average the spectra of steps with the largest weight for the latest ones.
 
-    Each step counts by `φ^(k-j)` over its weighted mean square, so that small late steps count as much as the large
-    first one. All records of a campaign have equally many blocks, which therefore need no weight.
+    Each step has the weight `φ^(k-j)` over its weighted mean square, so that small late steps count as much as the
+    large first one. All records of a campaign have the same number of blocks, so that needs no weight.
 
-    `steps`: One or more, cut alike. `forgetting`: `φ`, in (0, 1]. `response_weight`, shape (n_y,): 0 or more, one over
-    the target's RMS. `each_line`: Do not smooth.
-    Returns: At the lines to fit, smoothed over their neighbours with [1 2 3 2 1] / 9.
+    `steps`: One or more, with the same blocks. `forgetting`: `φ`, in (0, 1]. `response_weight`, shape (n_y,): 0 or
+    more, one over the target's RMS. `each_line`: Whether the lines are not smoothed.
+    Returns: Spectra at the fitted lines, smoothed over their neighbours with [1 2 3 2 1] / 9.
     """
     kept = steps[0].spectra
     cross, drive, response = (np.zeros_like(kind) for kind in (kept.response_with_drive, kept.drive, kept.response))
-    # The latest first, so that what counts most is added to zero.
+    # The latest first, so that the largest weight is added to zero.
     for age, step in enumerate(reversed(steps)):
         power = float(step.mean_square @ response_weight**2) / response_weight.size
         if power > 0.0:

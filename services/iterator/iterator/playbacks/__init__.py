@@ -1,4 +1,4 @@
-"""Playbacks of a campaign: their settings, their drives made playable, and what was made of each."""
+"""Playbacks of a campaign: their settings, their playable drives, and their results."""
 
 from iterator.playbacks.drives import playable_drive, require_within_bounds
 from iterator.playbacks.maps import MapFromFirstPlayback, fitting_map, learned_map, mapped_drive

@@ -1,4 +1,4 @@
-"""A next drive made playable: from rest to rest, within the limits, and by the prediction within its bounds."""
+"""Playable next drive: from rest to rest, within the limits, and with a prediction within the bounds."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ def playable_drive(
     drive_map: DriveMap | None,
     first: bool,
 ) -> tuple[NDArray[np.float64], DriveProjection | None]:
-    """Return the next drive at its level, from rest to rest and within the limits, and what was changed for them."""
+    """Return the next drive at its level, from rest to rest and within the limits, and its changes for the limits."""
     band = settings.update.band
     whole = faded(step.drive, sample_rate=band.sample_rate, seconds=DRIVE_FADE_SECONDS)
     drive = level * whole
 
     def at_rest(_i: int, row: NDArray[np.float64]) -> NDArray[np.float64]:
-        # A drive that follows others rings about as far as its map is cut off above the identified band.
+        # A drive that follows others rings for about as long as its map is cut off above the identified band.
         return faded(row[None, :].copy(), sample_rate=band.sample_rate, seconds=DRIVE_FADE_SECONDS)[0]
 
     if limits is None:
@@ -76,11 +76,11 @@ def require_within_bounds(
     settings: CampaignSettings,
     controlled: NDArray[np.bool_],
 ) -> None:
-    """Refuse a drive of which the identified model predicts that a playback passes its bounds.
+    """Refuse a drive if the identified model predicts that its playback exceeds a bound.
 
-    The prediction is the last response and what the model says of the step from its drive. What is unknown of a rig,
-    friction and arcs, is in the last response as far as the step is small. The identified model, because one that an
-    update has bent foresees what that update wants. The drive is a mapped one where there is a map.
+    The prediction is the last response plus the model's response to the change of the drive. Unknown effects of the
+    rig (friction, arcs) are in the last response if the step is small. The identified model is used, because a model
+    that an update has corrected predicts what that update aims at. With a map the drive is a mapped one.
     """
     if not is_bounded(settings.stop):
         return

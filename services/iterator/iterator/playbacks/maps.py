@@ -1,4 +1,4 @@
-"""The drive map of a campaign: checked against its rig, learned from a playback, applied to a drive."""
+"""Drive map of a campaign: checked against its rig, learned from a playback, applied to a drive."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from iterator.model import RigModel
 
 @dataclass(frozen=True)
 class MapFromFirstPlayback:
-    """The drive map is learned from the first playback, or again from the first at full level where there is one.
+    """Drive map that is learned from the first playback, or again from the first at full level if there is one.
 
     Parameters
     ----------
     names, units : tuple of str
-        Of the drives, in the rig's order.
+        Names and units of the drives, in the rig's order.
     may_follow : tuple of bool, optional
-        Which drives may follow products: those under displacement control; all where not given.
+        Whether each drive may follow products, i.e. is under displacement control; all if not given.
     start : DriveMap, optional
-        Map of the identification, which the first playbacks are made with. It stays where the playback does not say
-        more: see `duralab_drive_map.learn_drive_map`.
+        Map of the identification, for the first playbacks. It stays if the playback adds no information: see
+        `duralab_drive_map.learn_drive_map`.
     """
 
     names: tuple[str, ...]
@@ -39,8 +39,8 @@ class MapFromFirstPlayback:
     def number(self, levels: Sequence[float]) -> int:
         """Return the number of the playback to learn from.
 
-        A playback at a part of the level is too quiet to improve on a map. None of them is in the history of those that
-        follow the first one at full level, so that no drive has to be mapped again.
+        A playback at partial level is too quiet to improve a map. None of them is in the history of the playbacks
+        after the first one at full level, so that no drive has to be mapped again.
         """
         return 1 if self.start is None else partial_playbacks(levels) + 1
 
@@ -55,7 +55,7 @@ def learned_map(
     controlled: NDArray[np.bool_],
     limits: DriveLimits | None,
 ) -> LearnedDriveMap[RigModel]:
-    """Learn a drive map from the first playback; the one before, with a sentence, where the limits do not allow it."""
+    """Learn a drive map from the first playback; return the earlier map with a remark if the limits do not allow it."""
     learned = learn_drive_map(
         drive,
         response,
@@ -88,10 +88,10 @@ def fitting_map(drive_map: DriveMap | None, model: RigModel, limits: DriveLimits
 def mapped_drive(
     drive: NDArray[np.float64], drive_map: DriveMap | None, *, band: ControlBand | None = None
 ) -> NDArray[np.float64]:
-    """Return a drive as updates see it; `band` for one that was made without the map.
+    """Return a drive in the coordinates of updates; give `band` for a drive that was made without the map.
 
-    What `T(u)` of such a drive has outside the band would stay in every drive that follows; a drive that is made with
-    the map has its mapped drive in the band already.
+    The part of its `T(u)` outside the band would stay in every later drive; a drive that is made with the map has its
+    mapped drive in the band already.
     """
     if drive_map is None:
         return drive

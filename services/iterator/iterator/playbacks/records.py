@@ -1,4 +1,4 @@
-"""Playbacks that were made: recorded ones, what was made of each, and all of a campaign."""
+"""Records of playbacks: recorded ones, the result of each, and the result of a campaign."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from iterator.model import RigModel
 
 @dataclass(frozen=True)
 class RecordedPlayback:
-    """A playback that was made before, and is not to be made again.
+    """A playback that was made before and is not made again.
 
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
-        As played.
+        Drive as played.
     response : ndarray, shape (n_y, samples)
-        As measured.
+        Response as measured.
     with_drive_map : bool
-        Whether the drive was made with the drive map that the campaign iterates with; False for a playback that was
-        made before the map was learned. It has no effect without a map.
+        Whether the drive was made with the drive map of the campaign; False for a playback before the map was
+        learned. It has no effect without a map.
     """
 
     drive: NDArray[np.float64]
@@ -35,18 +35,18 @@ class RecordedPlayback:
 
 @dataclass(frozen=True)
 class FirstDrive:
-    """A drive that a campaign begins with in place of one that its model makes.
+    """A first drive of a campaign that replaces the one that its model makes.
 
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
-        As long as the target, drive units; its part in the control band counts.
+        Drive as long as the target, drive units; only its part in the control band is used.
     response : ndarray, shape (n_y, samples), optional
-        What it gave for another target, as measured. Both are then scaled by the factor with which the response comes
-        nearest to the target, and the model makes what is missing. Without, the drive is played as it is.
+        Its measured response for another target. Both are then scaled by the factor with which the response is
+        nearest to the target, and the model adds the missing part. If not given, the drive is played unchanged.
     of_this_target : bool
-        The response is what the rig gives now, for the target of this campaign: nothing is scaled, and both count as a
-        playback before the first one.
+        Whether the response is that of the rig now, for the target of this campaign: then nothing is scaled, and both
+        count as a playback before the first one.
     """
 
     drive: NDArray[np.float64]
@@ -61,10 +61,10 @@ class KnownBefore:
     Parameters
     ----------
     campaigns : tuple of tuple of RecordedPlayback
-        Playbacks of earlier campaigns on the same rig, each from the first to the last: updates that correct the model
-        learn from them, too. Of any length.
+        Playbacks of earlier campaigns on the same rig, each from the first to the last and of any length: updates
+        that correct the model learn from them, too.
     first_drive : FirstDrive, optional
-        What the first playback is made from; the model alone where not given.
+        Base of the first playback's drive; the model alone if not given.
     """
 
     campaigns: tuple[tuple[RecordedPlayback, ...], ...] = ()
@@ -72,46 +72,46 @@ class KnownBefore:
 
 
 NOTHING_KNOWN = KnownBefore()
-"""A campaign that starts from its model alone."""
+"""Knowledge of a campaign that starts from its model alone."""
 
 
 @dataclass(frozen=True)
 class Iteration:
-    """One playback and what was made of it.
+    """One playback and its results.
 
     Parameters
     ----------
     number : int
-        From 1.
+        Number from 1.
     drive : ndarray, shape (n_u, samples)
-        As played. Updates work on `DriveMap.to_mapped` of it where there is a drive map.
+        Drive as played. With a drive map, updates use `DriveMap.to_mapped` of it.
     response : ndarray, shape (n_y, samples)
-        As measured.
+        Response as measured.
     response_in_band : ndarray, shape (n_y, samples)
-        As judged: divided by the level.
+        Judged response: divided by the level.
     metrics : IterationMetrics
-        In the control band.
+        Figures in the control band.
     model : RigModel
-        What the drive was made with.
+        Model that the drive was made with.
     outcome : Outcome or None
-        Why this is the last one; None where it continues.
+        Reason of the end if this is the last playback; otherwise None.
     level : float
-        Share of the target that was played for.
+        Share of the target that was played.
     projection : DriveProjection or None
-        What was changed in the drive to hold the rig's limits, empty where it fitted; None where drives beyond them
-        are refused, and for a recorded playback.
+        Changes of the drive for the rig's limits, empty if it fitted; None if drives beyond them are refused, and for
+        a recorded playback.
     unreachable : tuple of UnreachableSegment
-        Where responses missed the target because a drive was held at its limits.
+        Segments in which responses missed the target because a drive was held at its limits.
     stood_still : tuple of Standstill
-        Where responses stood still while their target moved; after a controlled one nothing is made of the playback.
+        Responses that stood still while their target moved; a playback with a controlled one has no further results.
     passed_bound : PassedBound or None
-        The bound of a playback that a controlled response passed furthest.
+        The bound that a controlled response exceeded by the largest ratio.
     with_drive_map : bool
         Whether the drive was made with a drive map.
     learned : LearnedDriveMap or None
-        The drive map that was learned from this playback; later drives are made with it.
+        Drive map learned from this playback, for later drives.
     forecast : Forecast or None
-        What was predicted of the controlled responses before the playback, and how far it was missed.
+        Forecast of the controlled responses before the playback, and its error.
     comparable_from : int
         First playback whose figures compare with this one's: judged in the same control band, by the same responses.
     """
@@ -136,16 +136,16 @@ class Iteration:
 
 @dataclass(frozen=True)
 class CampaignResult:
-    """Everything that an iteration made.
+    """Result of a campaign's iteration.
 
     Parameters
     ----------
     target_in_band : ndarray, shape (n_y, samples)
-        What the responses were judged against.
+        Target that the responses were judged against.
     iterations : tuple of Iteration
-        From the first to the last.
+        Playbacks from the first to the last.
     outcome : Outcome
-        Why it ended.
+        Reason of the end.
     best_iteration : int
         Number of the playback with the smallest error over all channels, from 1.
     """

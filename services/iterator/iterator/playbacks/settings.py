@@ -16,9 +16,9 @@ class CampaignSettings(PlaybackSettings):
     Parameters
     ----------
     update : UpdateSettings
-        Kind, control band, gains and safeguards.
+        Settings of the update: kind, control band, gains and safeguards.
     stop : StopCriteria
-        When to end.
+        Criteria of the end.
 
     Raises
     ------
@@ -26,7 +26,7 @@ class CampaignSettings(PlaybackSettings):
         A value is not allowed, or the levels leave no playback at full level.
     """
 
-    # A notebook asks for projection by name; a campaign file has it by default.
+    # A notebook requests projection by name; it is the default of a campaign file.
     limit_policy: LimitPolicy = LimitPolicy.REFUSE
     update: InstanceOf[UpdateSettings]
     stop: InstanceOf[StopCriteria]

@@ -1,4 +1,4 @@
-"""The pre-test of a rig: pulses within 5 % of the limits, what is wrong with which channel, kept as a recording."""
+"""Pre-test of a rig: pulses within 5 % of the limits, the faults of its channels, and their recording."""
 
 from iterator.pre_test.pre_test import perform_pre_test
 from iterator.pre_test.stored import require_pre_test

@@ -1,4 +1,4 @@
-"""Expected responses of a pre-test: by the model of an identification, or as in an earlier pre-test."""
+"""Expected responses of a pre-test: from the model of an identification, or from an earlier pre-test."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from iterator.model import InterpolatedMatrix
 from iterator.pre_test.pulses import PulseTrain
 
 _SMOOTHING_SECONDS: Final = 0.02
-# A model predicts over so many windows.
+# Length of a model's prediction, in windows.
 _LONGER: Final = 8
 
 
@@ -29,7 +29,7 @@ class KnownFrf:
 class Expectation:
     """Expected responses in the window of each drive, shape (responses, drives, samples), as `within` returns them.
 
-    `band`: In which they count, in Hz; None: all frequencies.
+    `band`: Band in Hz of the comparison; None: all frequencies.
     """
 
     response: NDArray[np.float64]
@@ -37,7 +37,7 @@ class Expectation:
 
 
 def expected_of_model(known: KnownFrf, train: PulseTrain, sample_rate: float) -> Expectation | None:
-    """Return the response of a model to pulses, in the model's band; None where it has fewer than four lines there."""
+    """Return the response of a model to pulses, in the model's band; None if it has fewer than four lines there."""
     lowest, highest = known.band
     inside = (known.frequency >= lowest) & (known.frequency <= highest) & np.isfinite(known.frf).all(axis=(1, 2))
     lines = known.frequency[inside]
@@ -46,7 +46,7 @@ def expected_of_model(known: KnownFrf, train: PulseTrain, sample_rate: float) ->
     band = float(lines[0]), float(lines[-1])
     pulses = np.diagonal(in_windows(train.drive, train)).T
     drives, samples = pulses.shape
-    # Long enough that what rings on does not come round; what comes before the window stands at the end.
+    # Long enough that ringing does not wrap around; responses before the window are at the end.
     length = _LONGER * samples
     frequency, weight = _weights(band, length, sample_rate)
     wanted = weight > 0.0
@@ -62,9 +62,9 @@ def expected_of_model(known: KnownFrf, train: PulseTrain, sample_rate: float) ->
 def in_windows(record: NDArray[np.float64], train: PulseTrain) -> NDArray[np.float64]:
     """Return the parts of a record (channels, samples) in the window of each drive: (channels, drives, samples).
 
-    Each from its level before the window: friction does not let a specimen return to where it was.
+    Each is relative to its level before the window, because friction keeps a specimen from its earlier position.
     """
-    # The last quarter is left to what comes early: filters, smoothing.
+    # The last quarter is left out because it contains early effects of filters and smoothing.
     before = [slice(window.start - train.guard, window.start - train.guard // 4) for window in train.windows]
     return np.stack(
         [
@@ -76,7 +76,7 @@ def in_windows(record: NDArray[np.float64], train: PulseTrain) -> NDArray[np.flo
 
 
 def within(band: tuple[float, float] | None, parts: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
-    """Return records (…, samples) in a band in Hz, at twice their length: the end holds what comes before."""
+    """Return records (…, samples) in a band in Hz, at twice their length: the end holds the part before the window."""
     if band is None:
         return np.concatenate([parts, np.zeros_like(parts)], axis=-1)
     samples = parts.shape[-1]
@@ -85,14 +85,14 @@ def within(band: tuple[float, float] | None, parts: NDArray[np.float64], sample_
 
 
 def _in_the_window(periodic: NDArray[np.float64], samples: int) -> NDArray[np.float64]:
-    """Return what of periodic records (…, samples) lies in a window that begins with them, or shortly before it."""
+    """Return the part of periodic records (…, samples) in a window that begins with them, or shortly before it."""
     before = samples // 4
     nothing = np.zeros((*periodic.shape[:-1], samples - before))
     return np.concatenate([periodic[..., :samples], nothing, periodic[..., -before:]], axis=-1)
 
 
 def smoothed(records: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
-    """Return records (…, samples) under a short window: the pulses pass, most of white noise does not."""
+    """Return records (…, samples) smoothed by a short window, which passes the pulses but not most white noise."""
     half = max(round(_SMOOTHING_SECONDS * sample_rate) // 2, 1)
     window = np.hanning(2 * half + 3)[1:-1]
     rows = np.pad(records.reshape(-1, records.shape[-1]), ((0, 0), (half, half)), mode="edge")
@@ -102,10 +102,10 @@ def smoothed(records: NDArray[np.float64], sample_rate: float) -> NDArray[np.flo
 def _weights(
     band: tuple[float, float], length: int, sample_rate: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the lines of a transform in Hz, and the weight of each: edges fade, so that none rings."""
+    """Return the lines of a transform in Hz, and the weight of each, with faded edges to avoid ringing."""
     frequency = np.fft.rfftfreq(length, 1.0 / sample_rate).astype(np.float64)
     lowest, highest = band
-    # From the lower edge to three times it, and over the upper fifth.
+    # Fade from the lower edge to three times it, and over the upper fifth.
     rise = np.clip((frequency - lowest) / (2.0 * lowest), 0.0, 1.0) if lowest > 0.0 else np.ones_like(frequency)
     fall = np.clip((highest - frequency) / (0.2 * highest), 0.0, 1.0)
     return frequency, np.sin(0.5 * np.pi * rise) ** 2 * np.sin(0.5 * np.pi * fall) ** 2

@@ -1,4 +1,4 @@
-"""The judgement of a pre-test: figures of every channel, and what is wrong with which."""
+"""Judgement of a pre-test: figures of every channel, and findings on faults."""
 
 from __future__ import annotations
 
@@ -21,24 +21,24 @@ OFFSET_SHARE: Final = 0.02
 """Largest difference of the mean at rest from the static response, over the range of the sensor."""
 
 SIGNIFICANT: Final = 6.0
-"""Peak over the RMS at rest from which a response has moved: white noise has 4 in the window of a pulse."""
+"""Smallest peak over the RMS at rest of a response that has moved: white noise has 4 in the window of a pulse."""
 
-# A channel without any noise: what is below this share of its range is rounding.
+# Noise floor of a channel without noise: smaller shares of its range are rounding.
 _SMALLEST_NOISE: Final = 1e-8
-# Of the range: a sensor this near its end is at its end.
+# Share of the range: a sensor this near the end of its range is at its end.
 _AT_THE_END: Final = 0.001
-# Equal samples at the extreme of a response: more than a smooth peak has.
+# Duration of equal samples at the extreme of a response that is longer than in a smooth peak.
 _FLAT_SECONDS: Final = 0.01
 _FLAT_SAMPLES: Final = 5
-# A channel rises where it passes this share of its peak.
+# Share of its peak at which a channel's rise is detected.
 _RISE: Final = 0.2
 _LARGEST_LAG: Final = 0.005
 _LAG_SAMPLES: Final = 3
 _SEARCHED_LAG: Final = 0.05
-# A specimen that wears changes a gain by less than the second; what a wrong unit does is beyond the third.
+# A worn specimen changes a gain by less than the first factor; a wrong unit by more than the second.
 _LARGEST_GAIN: Final = 2.0
 _WRONG_GAIN: Final = 5.0
-# Drive that the sensor table names: it moves the response at least this much, over the drive that moves it most.
+# Smallest effect of the drive in the sensor table, over that of the drive with the largest effect.
 _NAMED_SHARE: Final = 0.2
 _CLEAR: Final = 0.5
 _UNLIKE: Final = 0.25
@@ -71,7 +71,7 @@ class Finding:
 
 @dataclass(frozen=True)
 class ResponseChannel:
-    """A response as it describes itself: range and static response in its unit, polarity 1, -1 or 0, and its drive."""
+    """Description of a response: range and static response in its unit, polarity 1, -1 or 0, and its drive."""
 
     name: str
     unit: str
@@ -89,7 +89,7 @@ class ResponseChannel:
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive, and whether it moves something while all others are at zero, as a displacement or force does."""
+    """A drive, and whether it has an effect while all others are at zero, as a displacement or force has."""
 
     name: str
     moves_alone: bool = True
@@ -109,7 +109,7 @@ class Judgement:
 
     @property
     def passed(self) -> bool:
-        """Whether nothing is wrong."""
+        """Whether there is no failure."""
         return not any(finding.failed for finding in self.findings)
 
 
@@ -160,18 +160,18 @@ class _Record:
 
     @property
     def significant(self) -> NDArray[np.bool_]:
-        """Return which responses each pulse moved, (responses, drives)."""
+        """Significance of each response to each pulse, shape (responses, drives)."""
         return self.peak > SIGNIFICANT * self.floor[:, None]
 
     def lag_behind_drives(self) -> NDArray[np.float64]:
-        """Return the lag of each response behind the drive that moves it most, by where both rise, in s."""
+        """Return the lag in s of each response behind its strongest drive, from the rise of both."""
         lags = np.full(len(self.responses), np.nan)
         for row, strongest in enumerate(self.peak.argmax(axis=1)):
             if self.significant[row, strongest]:
                 window = self.train.windows[strongest]
                 answer = np.abs(self.moved[row, window])
                 pulse = np.abs(smoothed(self.train.drive[strongest : strongest + 1], self.sample_rate)[0, window])
-                # Of the two pulses, the one that moves it more.
+                # The pulse of the two with the larger effect.
                 slow = self.train.slow
                 one = slice(0, slow) if answer.argmax() < slow else slice(slow, None)
                 rises = [int(np.argmax(each >= _RISE * each.max())) for each in (answer[one], pulse[one])]
@@ -257,7 +257,7 @@ def _longest_run(flags: NDArray[np.bool_]) -> int:
 
 
 def _dead(record: _Record, expected: NDArray[np.float64] | None, known: Collection[str]) -> list[Finding]:
-    """Find what follows no pulse; of `known`, the noisy and saturated, nothing can be said."""
+    """Find channels that follow no pulse; the noisy and saturated ones, `known`, cannot be judged."""
     significant = record.significant
     should = np.ones_like(significant)
     if expected is not None:
@@ -277,7 +277,7 @@ def _dead(record: _Record, expected: NDArray[np.float64] | None, known: Collecti
                 f"{channel.unit}; look at sensor and cable.",
             )
         )
-    # Without an expectation, a road's slope or speed may do nothing at rest.
+    # Without an expectation, a road's slope or speed may have no effect at rest.
     judged = alone if expected is None else np.any(should, axis=0)
     findings += [
         Finding(
@@ -292,7 +292,7 @@ def _dead(record: _Record, expected: NDArray[np.float64] | None, known: Collecti
 
 
 def _matched(record: _Record, match: Match) -> list[Finding]:
-    """Say which channels are inverted and swapped by the expectation, and which responses are unlike it."""
+    """Return findings on channels that are inverted, swapped or unlike the expectation."""
     names = [channel.name for channel in record.responses]
     drives = [drive.name for drive in record.drives]
     findings = []
@@ -330,7 +330,7 @@ def _lag_and_gain(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     lag, gain = (np.full(len(measured), np.nan) for _ in range(2))
     for row, partner in enumerate(match.responses):
-        # Only of the pulses that have moved it: the rest is noise.
+        # Only from pulses with an effect on the response: the rest is noise.
         moving = record.significant[row]
         if match.likeness[row] >= _CLEAR and moving.any() and not match.drives_changed:
             answer, wanted = measured[row, moving], match.sign[row] * expected[partner, moving]
@@ -340,7 +340,7 @@ def _lag_and_gain(
 
 
 def _best_lag(later: NDArray[np.float64], earlier: NDArray[np.float64], most: int) -> float:
-    """Return by how many samples records (parts, samples) lag others, to a fraction, at most so many either way."""
+    """Return the lag of records (parts, samples) behind others in samples, with fraction, at most `most` either way."""
     product = np.fft.irfft(np.fft.rfft(later) * np.conj(np.fft.rfft(earlier)), later.shape[-1]).sum(axis=0)
     shifts = np.arange(-most, most + 1)
     values = np.abs(product[shifts])
@@ -378,7 +378,7 @@ def _gains(record: _Record, gain: NDArray[np.float64]) -> list[Finding]:
 
 
 def _against_table(record: _Record, found: Sequence[Finding]) -> list[Finding]:
-    """Compare sign and strongest drive of each response with the sensor table, where that states them."""
+    """Compare sign and strongest drive of each response with the sensor table, if that states them."""
     known = {name for finding in found if finding.check in (Check.POLARITY, Check.SWAPPED) for name in finding.channels}
     names = [drive.name for drive in record.drives]
     findings = []
@@ -410,7 +410,7 @@ def _against_table(record: _Record, found: Sequence[Finding]) -> list[Finding]:
 
 
 def _sign(record: _Record, row: int, column: int) -> int:
-    """Return the sign of a response while a drive is positive; 0 where it does not follow the pulse clearly."""
+    """Return the sign of a response while a drive is positive; 0 if it does not follow the pulse clearly."""
     window = record.train.windows[column]
     answer, pulse = record.moved[row, window], record.train.drive[column, window]
     # An actuator follows with a lag of some samples.

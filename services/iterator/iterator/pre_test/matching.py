@@ -1,4 +1,4 @@
-"""Search for channels that are inverted or swapped, from measured and expected responses."""
+"""Search for inverted or swapped channels, from measured and expected responses."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-# A change is clear where its channels then are what was expected by this share of what their sizes allow, and where it
-# gains something: the correlations of all responses add up to their number.
+# A change is clear if the correlation of its channels with the expectation then is this share of the largest possible
+# one, and if it gains this much: the correlations of all responses add up to their number at most.
 _LIKE: Final = 0.6
 _SMALLEST_GAIN: Final = 0.2
-# Between drives that move a response their energies count by this power: a weak one tells as much of order and sign.
+# Exponent of the energies of drives that move a response: a weak drive also shows order and sign.
 _POWER: Final = 0.5
-# Changes whose gains differ by less cannot be distinguished.
+# Changes with a smaller difference of their gains cannot be distinguished.
 _ALIKE: Final = 0.03
 
 
@@ -30,7 +30,7 @@ class Change:
 
     @property
     def swaps(self) -> bool:
-        """Whether it is a swap."""
+        """Whether the change is a swap."""
         return self.first != self.second
 
     def names(self, *, responses: Sequence[str], drives: Sequence[str]) -> tuple[str, ...]:
@@ -39,7 +39,7 @@ class Change:
         return (names[self.first], names[self.second]) if self.swaps else (names[self.first],)
 
     def sentence(self, *, responses: Sequence[str], drives: Sequence[str]) -> str:
-        """Say it, without the stop at the end."""
+        """Return the change as a sentence without a full stop."""
         names, what = self.names(responses=responses, drives=drives), "drive" if self.drives else "response"
         if self.swaps:
             return f"the {what}s {' and '.join(names)} are swapped"
@@ -48,14 +48,14 @@ class Change:
 
 @dataclass(frozen=True)
 class ExplainedChange:
-    """A change that makes the responses those that were expected, and others that do it as well; one or more."""
+    """A change that explains the measured responses, and alternatives with the same effect; one or more."""
 
     alternatives: tuple[Change, ...]
 
 
 @dataclass(frozen=True)
 class Match:
-    """Match of measured to expected responses, with sign and likeness, -1 to 1 or not a number."""
+    """Match of measured to expected responses, with sign and likeness, -1 to 1 or NaN."""
 
     changes: tuple[ExplainedChange, ...]
     responses: tuple[int, ...]
@@ -83,7 +83,7 @@ class _Arrangement:
         return replace(self, **{signs: tuple(values)})
 
     def of_pairs(self, values: NDArray[np.float64], *, signed: bool = False) -> NDArray[np.float64]:
-        """Return the value of each measured (response, drive) with what is expected of it here."""
+        """Return the value of each measured pair (response, drive) with its expected pair."""
         rows, columns = np.arange(len(self.rows))[:, None], np.arange(len(self.columns))[None, :]
         chosen = values[rows, columns, np.array(self.rows)[:, None], np.array(self.columns)[None, :]]
         return np.outer(self.row_signs, self.column_signs) * chosen if signed else chosen
@@ -98,13 +98,12 @@ def match_channels(
 ) -> Match:
     """Find inverted and swapped channels, one after the other, the clearest first.
 
-    `measured`, `expected`, shape (responses, drives, samples): in the window of each drive. `amplitude`, shape
-    (drives,): Peaks of the pulses. `floor`, shape
-    (responses,): Peak up to which a response has not moved.
+    `measured`, `expected`, shape (responses, drives, samples): In the window of each drive. `amplitude`, shape
+    (drives,): Peaks of the pulses. `floor`, shape (responses,): Largest peak of a response that has not moved.
     """
     shapes, wanted = (_shapes(parts * np.sign(amplitude)[:, None], floor) for parts in (measured, expected))
     responses, drives, samples = shapes.shape
-    # As if every pulse went up: what two drives do is compared.
+    # Every pulse is made positive, so that the effects of two drives can be compared.
     related = (shapes.reshape(-1, samples) @ wanted.reshape(-1, samples).T).reshape(2 * shapes.shape[:2])
     sizes = np.multiply.outer(*(np.sqrt(np.sum(one**2, axis=2)) for one in (shapes, wanted)))
     now = _Arrangement(tuple(range(responses)), tuple(range(drives)), (1,) * responses, (1,) * drives)
@@ -125,7 +124,7 @@ def match_channels(
 def _clear_gains(
     now: _Arrangement, related: NDArray[np.float64], sizes: NDArray[np.float64]
 ) -> Iterator[tuple[Change, float]]:
-    """Yield the clear changes, and by how much the responses are then more alike to what was expected."""
+    """Yield the clear changes, and their gain in likeness to the expected responses."""
     before = now.of_pairs(related, signed=True)
     for change in _changes(*before.shape):
         changed = now.after(change)
@@ -144,9 +143,9 @@ def _changes(responses: int, drives: int) -> Iterator[Change]:
 
 
 def _shapes(parts: NDArray[np.float64], floor: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return what each response does in each window, (responses, drives, samples), each response with an energy of 1.
+    """Return each response in each window, (responses, drives, samples), scaled to an energy of 1 for each response.
 
-    Zero where it has not moved.
+    Zero if it has not moved.
     """
     energy = np.sum(parts**2, axis=2)
     moved = (np.abs(parts).max(axis=2) > floor[:, None]) & (energy > 0.0)

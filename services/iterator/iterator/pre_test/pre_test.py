@@ -23,17 +23,17 @@ from iterator.pre_test.judging import Check, Drive, Finding, Judgement, Response
 from iterator.pre_test.pulses import LARGEST_LEVEL, PulseTrain, pulse_train
 from iterator.pre_test.stored import StoredExpectation, close_left, stored_expectation
 
-# Road inputs do nothing to a wheel that does not roll.
+# Road inputs have no effect on a wheel that does not roll.
 _NOT_ALONE: Final = (array_pb2.CHANNEL_KIND_VELOCITY, array_pb2.CHANNEL_KIND_RATIO)
 _SIGNS: Final = {array_pb2.POLARITY_POSITIVE: 1, array_pb2.POLARITY_NEGATIVE: -1}
 
 
 def perform_pre_test(bus: Bus, request: iterator_pb2.PreTestRequest, call: Call) -> iterator_pb2.PreTest:
-    """Make the pre-test of a rig that is free.
+    """Perform the pre-test of a free rig.
 
-    `bus`: Where rig and recorder are. `request`: Checked id and rig. `call`: Takes the progress; a client that is gone
-    stops the rig.
-    Returns: As it is stored in the closed recording.
+    `bus`: Bus of rig and recorder. `request`: Request with checked id and rig. `call`: Receives the progress; a
+    client that stopped waiting stops the rig.
+    Returns: Result as stored in the closed recording.
     Raises `FaultError`: The request does not fit the rig, the rig does not play, or the recorder does not store.
     """
     level = _level(request.level)
@@ -50,7 +50,7 @@ def perform_pre_test(bus: Bus, request: iterator_pb2.PreTestRequest, call: Call)
             field="rig",
         )
     overdue = overdue_calibrations(description.responses, today=date.today())
-    # The first progress: the bus leaves out what follows soon after.
+    # The first progress: the bus omits later ones that follow soon.
     call.progress("checking", 0.0, detail=" ".join(overdue) or f"pre-test of {request.rig}")
     for sentence in overdue:
         structlog.get_logger("iterator").warning("calibration overdue", rig=request.rig, what=sentence)
@@ -98,7 +98,7 @@ def _require_ranges(description: rig_pb2.RigDescription) -> None:
 
 
 class _Recording:
-    """The recording of a pre-test, begun before anything moves, and the one run in it."""
+    """Recording of a pre-test, begun before any motion, and its single run."""
 
     def __init__(self, bus: Bus, request: iterator_pb2.PreTestRequest, description: rig_pb2.RigDescription) -> None:
         self._bus, self._request, self._description = bus, request, description
@@ -109,12 +109,12 @@ class _Recording:
             self.log.commit(step)
 
     def play(self, train: PulseTrain, call: Call) -> rig_pb2.PlayResult:
-        """Play the pulses once; a client that is gone stops them."""
+        """Play the pulses once; a client that stopped waiting stops them."""
         request, description = self._request, self._description
         given_up = threading.Event()
 
         def follow(progress: query_pb2.Progress) -> None:
-            # The rig keeps sending progress, so this also notices a client that is gone, within a second.
+            # The rig sends progress continuously, so a client that stopped waiting is noticed within a second.
             if call.cancelled:
                 given_up.set()
             call.progress(
@@ -142,7 +142,7 @@ class _Recording:
         return played
 
     def broken_off(self, error: BaseException) -> None:
-        """Make sure that the rig rests, and close the recording as far as that goes."""
+        """Bring the rig to rest, and close the recording if possible."""
         reason = f"the pre-test was broken off: {error}"
         if self._moving:
             bring_to_rest(self._bus, self._request.rig, run=self._run, reason=reason)
@@ -223,7 +223,7 @@ def _finding(finding: Finding) -> iterator_pb2.PreTestFinding:
 
 
 def _expectations(description: rig_pb2.RigDescription, stored: StoredExpectation | None) -> list[str]:
-    """Say what polarity and order were compared with, and which checks are missing."""
+    """Return sentences on the references of polarity and order, and on the missing checks."""
     stated = [one.name for one in description.responses if one.sensor.polarity]
     silent = [one.name for one in description.responses if not one.sensor.polarity]
     said = [f"The polarity of {', '.join(stated)} is compared with the sensor table."] if stated else []

@@ -1,4 +1,4 @@
-"""Recordings of a rig for its pre-test: an identification, earlier pre-tests, one that was broken off."""
+"""Recordings of a rig for its pre-test: an identification, earlier pre-tests, an interrupted one."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_p
 from iterator.pre_test.expectation import Expectation, KnownFrf, expected_of_model, in_windows, within
 from iterator.pre_test.pulses import PulseTrain
 
-# Recordings are looked through from the newest on; what is older than these is of another time.
+# Recordings are searched from the newest; older ones than these are outdated.
 _MOST_SEARCHED: Final = 20
-# The model of a campaign and the result of a pre-test come among these.
+# The model of a campaign and the result of a pre-test are among these.
 _FIRST_STEPS: Final = 8
 _HOUR_NANOSECONDS: Final = 3600e9
 
@@ -29,14 +29,14 @@ MessageT = TypeVar("MessageT", bound=Message)
 
 @dataclass(frozen=True)
 class StoredExpectation:
-    """An expectation and the sentence that says what it is."""
+    """An expectation and the sentence that describes its source."""
 
     expectation: Expectation
     sentence: str
 
 
 def stored_expectation(bus: Bus, description: rig_pb2.RigDescription, train: PulseTrain) -> StoredExpectation | None:
-    """Return what the newest identification of the rig says of a pulse train, otherwise its newest passed pre-test."""
+    """Return the expectation from the newest identification of the rig, or from its newest passed pre-test."""
     newest = list(_newest_first(bus, description.rig))
     campaigns = [one for one in newest if one.pre_test == iterator_pb2.PRE_TEST_VERDICT_UNSPECIFIED]
     for information in campaigns[:_MOST_SEARCHED]:
@@ -74,7 +74,7 @@ def _of_model(model: identifier_pb2.Model, train: PulseTrain) -> Expectation | N
 
 
 def _of_pre_test(earlier: iterator_pb2.PreTest, train: PulseTrain) -> Expectation | None:
-    """Return the responses of an earlier pre-test; None where its pulses had other sizes beside one another."""
+    """Return the responses of an earlier pre-test; None if its pulses had other relative sizes."""
     try:
         amplitude = from_array(earlier.amplitude, field="amplitude", shape=train.amplitude.shape, dtype=np.float64)
         shape = (len(earlier.responses), train.drive.shape[1])
@@ -102,7 +102,7 @@ def _newest_first(bus: Bus, rig: str) -> Iterator[recorder_pb2.RecordingInfo]:
 
 
 def _step_of(bus: Bus, information: recorder_pb2.RecordingInfo, kind: type[MessageT]) -> MessageT | None:
-    """Return the first step of a kind among the first of a recording; None where it holds none, or is damaged."""
+    """Return the first step of a kind among the first steps of a recording; None if there is none or it is damaged."""
     key, first = bus.keys.recording_steps(information.recording), 0
     try:
         while first < min(information.steps, _FIRST_STEPS):
@@ -123,7 +123,7 @@ def _step_of(bus: Bus, information: recorder_pb2.RecordingInfo, kind: type[Messa
 
 
 def close_left(bus: Bus, rig: str) -> None:
-    """Close the recordings of pre-tests that a crash of the iterator broke off; they are not continued."""
+    """Close the recordings of pre-tests that a crash of the iterator interrupted; they are not continued."""
     for information in _newest_first(bus, rig):
         if information.pre_test == iterator_pb2.PRE_TEST_VERDICT_UNFINISHED and not information.ended:
             log = RecordingLog(bus, information.recording, next_step=information.steps)
@@ -131,10 +131,10 @@ def close_left(bus: Bus, rig: str) -> None:
 
 
 def require_pre_test(bus: Bus, spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription) -> str:
-    """Refuse a campaign that demands a pre-test and has none that passed, is new enough and of this rig.
+    """Refuse a campaign that demands a pre-test, unless one of this rig passed and is new enough.
 
-    `bus`: Where the recorder is. `spec`: Of the campaign. `description`: Of the rig now.
-    Returns: A sentence that names it; empty where none is demanded.
+    `bus`: Bus of the recorder. `spec`: Specification of the campaign. `description`: Present description of the rig.
+    Returns: A sentence that names the pre-test; empty if none is demanded.
     Raises `FaultError`: FAILED_PRECONDITION with the field `pre_test`.
     """
     hours = spec.pre_test

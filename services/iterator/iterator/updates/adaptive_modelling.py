@@ -21,7 +21,7 @@ from iterator.updates.model_correction import (
 from iterator.updates.settings import NextDrive, UpdateSettings
 
 FEWEST_BLOCKS: Final = 2
-"""Blocks that a playback must hold: with a single one the coherence is 1 whatever was measured."""
+"""Smallest number of blocks in a playback: with one block the coherence is always 1."""
 
 
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
@@ -39,27 +39,27 @@ def estimate_correction(history: IterationHistory, model: RigModel, settings: Up
     """Estimate the correction `C` from the last playback.
 
     Forward, `C = S_ŷy S_yy⁻¹` (Eq. 12) from the response that the model predicts to the measured one; backward,
-    `C = S_uû S_ûû⁻¹` from the drive that was played to the one that the inverse model asks for the response.
+    `C = S_uû S_ûû⁻¹` from the played drive to the one that the inverse model gives for the response.
 
     Parameters
     ----------
     history : IterationHistory
-        With one playback or more.
+        History with one playback or more.
     model : RigModel
-        Its lines are those of the correction, its `Ĥ` or `Ĥ†` predicts.
+        Model with the lines of the correction; its `Ĥ` or `Ĥ†` predicts.
     settings : UpdateSettings
-        Control band and safeguards.
+        Settings with the control band and safeguards.
 
     Returns
     -------
     ndarray, shape (lines, n) or (lines, n, n)
-        Complex, of the responses (forward) or drives (backward), diagonal or full; exactly 1 or the identity outside
-        the control band and where a line has no energy.
+        Complex correction of the responses (forward) or drives (backward), diagonal or full; exactly 1 or the
+        identity outside the control band and at lines without energy.
 
     Raises
     ------
     ValueError
-        The playback is too short to average over.
+        The playback is too short for an average.
     """
     last, overlap = history.playbacks[-1], settings.correction_overlap
     samples, block = last.response.shape[1], model.block_samples
@@ -80,7 +80,7 @@ def estimate_correction(history: IterationHistory, model: RigModel, settings: Up
     for record, of_pairs in ((wanted, True), (observed, True), (history.target, forward)):
         density = auto_spectra(record, block_samples=block, overlap=overlap, sample_rate=settings.band.sample_rate)
         energy = density > settings.energy_floor * density[lines].max(axis=0)
-        # Backward a pair is one of drives: the target's energy tells of no single one of them.
+        # Backward a pair is one of drives: the target's energy cannot be assigned to a single drive.
         paired = of_pairs and settings.correction is CorrectionShape.DIAGONAL
         trusted = trusted & (energy if paired else np.all(energy, axis=1, keepdims=True))
     if settings.correction is CorrectionShape.FULL:
@@ -101,16 +101,16 @@ def corrected(
     Parameters
     ----------
     model : RigModel
-        Before the correction.
+        Model before the correction.
     correction : ndarray, shape (lines, n) or (lines, n, n)
-        `C` or its diagonal, singular nowhere.
+        `C` or its diagonal, nowhere singular.
     prediction : CorrectionPrediction
         Backward: `Ĥ† ← C Ĥ†` and `Ĥ ← Ĥ C⁻¹`.
 
     Returns
     -------
     RigModel
-        With the same identified lines.
+        Corrected model with the same identified lines.
     """
     forward = prediction is CorrectionPrediction.FORWARD
     if correction.ndim == 2:

@@ -1,4 +1,4 @@
-"""Least squares at each line from averaged spectra, anchored at a matrix that was known before."""
+"""Least squares at each line from averaged spectra, anchored at a known matrix."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from numpy.typing import NDArray
 
 from iterator.model import StepSpectra
 
-# A fit that leaves less than this share of what the anchor does not explain contradicts it: its prior is weakened.
+# A fit that leaves less than this share of the energy unexplained by the anchor contradicts it: its prior is weakened.
 _CONTRADICTED: Final = 0.3
-# Of the prior strength asked for: it never gets weaker than that, whatever the steps say.
+# Smallest share of the requested prior strength, for any steps.
 _WEAKEST_PRIOR: Final = 0.1
 # Share of the responses' energy below which a residual is rounding.
 _ROUNDING: Final = 1e-12
-# Prior strength of the further inputs, whose anchor is zero, relative to the energy of each: it holds the solution
-# together where they resemble each other, and keeps 3 % of what they do from them.
+# Prior strength of the further inputs, whose anchor is zero, relative to the energy of each: it keeps the solution
+# stable if they resemble each other, and withholds 3 % of their effect.
 _FURTHER_PRIOR: Final = 0.03
 
 
 @dataclass(frozen=True)
 class AnchoredSteps:
-    """Spectra of inputs and responses, all in scaled units, with what is known of the matrix between them.
+    """Spectra of inputs and responses in scaled units, with the known matrix between them.
 
-    `inputs`, shape (lines, n_v, n_v): The drives' cross-spectra, behind them those of further inputs.
+    `inputs`, shape (lines, n_v, n_v): Cross-spectra of the drives, followed by those of further inputs.
     `responses_with_inputs`, shape (lines, n_y, n_v): Cross-spectra. `responses`, shape (lines, n_y): Auto-spectra.
-    `weight`, shape (n_y,): How a response's energy counts among others, 0 or more. `anchor`, shape (lines, n_y, n_u):
-    Of the drives; of further inputs it is 0. `prior`, shape (lines, n_u, n_u): The spectrum of the drives that the
-    anchor was identified with, up to a factor.
+    `weight`, shape (n_y,): Weight of a response's energy, 0 or more. `anchor`, shape (lines, n_y, n_u): Known matrix of
+    the drives; 0 for further inputs. `prior`, shape (lines, n_u, n_u): Spectrum of the drives that the anchor was
+    identified with, up to a factor.
     """
 
     inputs: NDArray[np.complex128]
@@ -41,11 +41,11 @@ class AnchoredSteps:
 
     @property
     def drives(self) -> int:
-        """Drives, the first of the inputs."""
+        """Number of drives, which are the first inputs."""
         return self.anchor.shape[2]
 
     def of_drives_alone(self) -> AnchoredSteps:
-        """Return the same without further inputs."""
+        """Return the spectra without further inputs."""
         own = slice(self.drives)
         return AnchoredSteps(
             np.ascontiguousarray(self.inputs[:, own, own]),
@@ -57,13 +57,13 @@ class AnchoredSteps:
         )
 
     def fit(self, prior_strength: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-        """Fit all inputs, the prior weakened where the steps contradict the anchor."""
+        """Fit all inputs, with a weaker prior where the steps contradict the anchor."""
         further = self.inputs.shape[1] - self.drives
         anchor = np.concatenate((self.anchor, np.zeros((*self.anchor.shape[:2], further), dtype=np.complex128)), axis=2)
         discrepancy = self.responses_with_inputs - np.matmul(anchor, self.inputs)
         by_anchor = self.unexplained(anchor) @ self.weight
         known = by_anchor > _ROUNDING * (self.responses @ self.weight)
-        # Judged by the fit with the weakest prior: a strong one hides how well another matrix would explain the steps.
+        # From the fit with the weakest prior: a strong one hides how well another matrix explains the steps.
         free = self._spread(np.full(by_anchor.size, prior_strength * _WEAKEST_PRIOR))
         left = np.ones_like(by_anchor)
         explained_freely = self.unexplained(anchor + np.matmul(discrepancy, free)) @ self.weight
@@ -72,11 +72,11 @@ class AnchoredSteps:
         return anchor + np.matmul(discrepancy, spread), spread
 
     def unexplained(self, by: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return what a matrix leaves of the responses' energy; 0 where rounding would make it negative."""
+        """Return the response energy that a matrix does not explain; 0 if rounding would make it negative."""
         return StepSpectra(self.responses_with_inputs, self.inputs, self.responses).unexplained(by)
 
     def _spread(self, strength: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """`P = (S̄_ΔuΔu + Λ)⁻¹`; of the drives the inverse of the prior at lines without any motion."""
+        """Return `P = (S̄_ΔuΔu + Λ)⁻¹`; the inverse of the prior for drives at lines without motion."""
         n_u = self.drives
         power = np.einsum("fii->fi", self.inputs).real
         energy, reference = np.sum(power[:, :n_u], axis=1), np.einsum("fii->f", self.prior).real
@@ -87,7 +87,7 @@ class AnchoredSteps:
         further = np.arange(n_u, power.shape[1])
         own = power[:, n_u:]
         matrix[:, further, further] += np.where(own > 0.0, _FURTHER_PRIOR * own, 1.0)
-        # The units of further inputs are others than the drives': levelled, the inversion does not see them.
+        # Further inputs have other units than the drives: levelling removes them from the inversion.
         diagonal = np.einsum("fii->fi", matrix).real
         level = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)
         try:

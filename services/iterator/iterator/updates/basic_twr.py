@@ -1,4 +1,4 @@
-"""Basic Time Waveform Replication: the update with a given inverse model, from the last drive or the best so far."""
+"""Basic Time Waveform Replication: update with a given inverse model, from the last drive or the best so far."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from iterator.updates.settings import NextDrive, UpdateSettings
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
     """Return `U_{k+1} = U_k + Ĥ† Q E_k` (Eq. 2), or `U_1 = Ĥ† Q Y_d` before the first playback.
 
-    With segment acceptance, `U_k` and `E_k` are those of the best drive so far, and the step is smaller where the last
-    one made it worse.
+    With segment acceptance, `U_k` and `E_k` are those of the best drive so far, and the step is smaller in segments
+    that the last step made worse.
 
     Source: Cornelis et al., ISMA 2014, Eqs. 2 and 3.
     """
@@ -40,11 +40,11 @@ class StepStart:
     Parameters
     ----------
     model : RigModel
-        Its inverse weighed by the iteration gain.
+        Model whose inverse is multiplied by the iteration gain.
     drive : ndarray, shape (n_u, samples)
-        The last one, or the best so far.
+        Last drive, or the best so far.
     response : ndarray, shape (n_y, samples)
-        Of that drive.
+        Response of that drive.
     step_gain : ndarray, shape (samples,), or None
         Share of the step that is made at each instant; the whole step if None.
     """
@@ -55,19 +55,19 @@ class StepStart:
     step_gain: NDArray[np.float64] | None
 
     def drive_toward(self, target: NDArray[np.float64], *, band: ControlBand) -> NDArray[np.float64]:
-        """Return the drive that makes a target by the model, as far as the gain lets it.
+        """Return the drive that gives a target by the model, as far as the gain allows.
 
         Parameters
         ----------
         target : ndarray, shape (n_y, samples)
-            Response units.
+            Target in response units.
         band : ControlBand
-            The step has energy in it only.
+            Band of the step's energy.
 
         Returns
         -------
         ndarray, shape (n_u, samples)
-            Drive units.
+            Drive in drive units.
         """
         return stepped_drive(
             self.model,
@@ -80,26 +80,26 @@ class StepStart:
 
 
 def step_start(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> StepStart:
-    """Return where the next step starts.
+    """Return the start of the next step.
 
     Parameters
     ----------
     history : IterationHistory
-        Before the first playback the step goes from its `start`, or from rest.
+        History; before the first playback the step starts from its `start`, or from rest.
     model : RigModel
-        Of the step.
+        Model of the step.
     settings : UpdateSettings
-        Its gains and acceptance are used.
+        Settings with the gains and the acceptance.
 
     Returns
     -------
     StepStart
-        The last playback, or what segment acceptance composed.
+        Start from the last playback, or from the composition of segment acceptance.
 
     Raises
     ------
     ValueError
-        Gain, target and model differ in their number of responses.
+        Gain, target and model have different numbers of responses.
     """
     weighted = weighed_by_gain(history, model, settings)
     if not history.playbacks:
@@ -123,7 +123,7 @@ def step_start(history: IterationHistory, model: RigModel, settings: UpdateSetti
 
 
 def weighed_by_gain(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> RigModel:
-    """Return the model with `Ĥ† Q` in place of `Ĥ†`."""
+    """Return the model with `Ĥ† Q` instead of `Ĥ†`."""
     responses = model.frf.shape[1]
     if history.target.shape[0] != responses or settings.gains.size != responses:
         raise ValueError(
@@ -135,12 +135,12 @@ def weighed_by_gain(history: IterationHistory, model: RigModel, settings: Update
 
 
 def playbacks_before(history: IterationHistory, model: RigModel) -> int:
-    """Return how many playbacks the next drive learns from: those of earlier campaigns count."""
+    """Return the number of playbacks that the next drive learns from, including those of earlier campaigns."""
     return len(history.playbacks) + sum(len(line) for line in model.earlier)
 
 
 def response_scale(history: IterationHistory, model: RigModel) -> NDArray[np.float64]:
-    """Weight with which a response's error is added to that of others."""
+    """Return the weight of each response's error in the sum over responses."""
     level = rms(history.target)
     controlled = np.ones(level.size, dtype=bool) if model.response_weight is None else model.response_weight > 0.0
     silent = np.flatnonzero(controlled & (level <= 0.0))

@@ -1,4 +1,4 @@
-"""The updates that a campaign can name."""
+"""Updates that a campaign can name."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ UPDATES: Final[Mapping[UpdateKind, Update]] = MappingProxyType(
         UpdateKind.SECANT: secant_update.next_drive,
     }
 )
-"""The update of each kind."""
+"""Update of each kind."""
 
 
 def chosen_update(settings: UpdateSettings) -> Update:
-    """Return the update that settings ask for: that of the plug-in, or that of the kind."""
+    """Return the update of the settings: that of the plug-in, or that of the kind."""
     return UPDATES[settings.kind] if settings.plugin is None else plugin_update(settings.plugin)[0]

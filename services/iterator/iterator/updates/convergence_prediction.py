@@ -19,12 +19,12 @@ class ConvergencePrediction:
     Parameters
     ----------
     frequency : ndarray, shape (driven,)
-        Hz.
+        Frequencies, Hz.
     spectral_radius : ndarray, shape (driven,)
-        Of `I - Ĥ† Q H` for the likeliest rig; it converges if and only if this is below 1.
+        Spectral radius of `I - Ĥ† Q H` for the likeliest rig; it converges if and only if this is below 1.
     deviation : ndarray, shape (driven,)
-        Standard deviation of that matrix (Frobenius norm) over the rigs that the identification's uncertainty allows;
-        0 where that is not known.
+        Standard deviation of that matrix (Frobenius norm) over the rigs within the identification's uncertainty;
+        0 if that is not known.
     """
 
     frequency: NDArray[np.float64]
@@ -42,32 +42,32 @@ class ConvergencePrediction:
         Returns
         -------
         ndarray, shape (found,)
-            Hz, rising.
+            Frequencies, Hz, rising.
         """
         return self.frequency[self.spectral_radius + deviations * self.deviation >= 1.0]
 
 
 def predict_convergence(model: RigModel, settings: UpdateSettings, *, playbacks: int) -> ConvergencePrediction:
-    """Predict how the error shrinks with the inverse and the gains of the next update.
+    """Predict the decrease of the error with the inverse and the gains of the next update.
 
     Parameters
     ----------
     model : RigModel
-        As the last update returned it: the rig is taken for its FRF, give or take the identification's uncertainty.
+        Result of the last update: the rig is assumed to be its FRF, within the identification's uncertainty.
     settings : UpdateSettings
-        Control band and gains.
+        Settings with the control band and gains.
     playbacks : int
-        Made so far, 0 or more.
+        Number of playbacks so far, 0 or more.
 
     Returns
     -------
     ConvergencePrediction
-        Of the part of the error that the drives can reach.
+        Prediction for the part of the error that the drives can reach.
 
     Notes
     -----
-    Source: Cornelis et al., ISMA 2014, Eqs. 4 to 6. `I - Ĥ† Q H` has the eigenvalues of `I - H Ĥ† Q` without those of
-    the part that more responses than drives leave out of reach.
+    Source: Cornelis et al., ISMA 2014, Eqs. 4 to 6. `I - Ĥ† Q H` has the eigenvalues of `I - H Ĥ† Q` except those of
+    the part that is out of reach because of more responses than drives.
     """
     lines = driven_lines(model, settings.band)
     frequency = model.frequency[lines]
@@ -78,7 +78,7 @@ def predict_convergence(model: RigModel, settings: UpdateSettings, *, playbacks:
     deviation = np.zeros_like(radius)
     if model.uncertainty is not None:
         spread = np.einsum("fii->fi", model.uncertainty.row_covariance[lines]).real
-        # Drives count by the level they were identified with, so that units do not count.
+        # Drives are scaled by their level in the identification, so that units do not count.
         scale = 1.0 / np.sqrt(np.mean(spread, axis=0))
         power = np.sum(np.abs(inverse / scale[:, None]) ** 2, axis=1)
         doubt = np.sum(power * model.uncertainty.residual_psd[lines], axis=1)

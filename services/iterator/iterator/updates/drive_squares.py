@@ -1,4 +1,4 @@
-"""A step that minds what the squares of the drives do: it is seen before it is played, and taken off beforehand."""
+"""Step with compensation for the squares of the drives: their effect is predicted and removed before the playback."""
 
 from __future__ import annotations
 
@@ -12,21 +12,21 @@ from iterator.band import ControlBand
 from iterator.model import drive_without
 from iterator.updates.basic_twr import StepStart
 
-# Looks at what a drive's squares would do: each costs as much as a step of basic TWR. What is left after them is
-# learned from the playback.
+# Number of evaluations of the squares' effect, each as expensive as a step of basic TWR. The rest is learned from the
+# playback.
 _LOOKS: Final = 3
-# Share of the drives' RMS that a correction by less than is not worth another look.
+# Share of the drives' RMS below which a correction needs no further evaluation.
 _SETTLED: Final = 0.01
 
 
 def drive_for_squares(
     drive: NDArray[np.float64], start: StepStart, *, square_frf: NDArray[np.complex128], band: ControlBand
 ) -> NDArray[np.float64]:
-    """Correct a next drive for what its squares will do otherwise than those of the drive it starts from.
+    """Correct a next drive for the change of its squares' effect against the drive it starts from.
 
-    A suspension's arm moves its wheel on an arc: the lateral force follows from the square of the vertical stroke. A
-    linear step meets it one playback later. Here `u = u_linear - Ĥ† Q B (u² - u_start²)` is solved by fixed point, `B`
-    from `secant_fit`.
+    A suspension's arm moves its wheel on an arc: the lateral force follows the square of the vertical stroke. A
+    linear step corrects that one playback later. Here `u = u_linear - Ĥ† Q B (u² - u_start²)` is solved by fixed point
+    iteration, with `B` from `secant_fit`.
     """
     before, level = np.square(start.drive), np.maximum(rms(drive), np.finfo(np.float64).tiny)
 
@@ -49,5 +49,5 @@ def drive_for_squares(
             found, correction, size = tried, next_correction, next_size
         else:
             share *= 0.5
-    # What was found last is followed without another look where it has converged so far.
+    # The last correction is applied without another evaluation if the iteration has converged so far.
     return found + correction if share == 1.0 else found

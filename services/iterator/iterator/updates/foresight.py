@@ -1,4 +1,4 @@
-"""Gate of the nonlinear terms: they are used while they foresee the playbacks better than the drives alone."""
+"""Gate of the nonlinear terms: they are used while they predict the playbacks better than the drives alone."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from duralab_settings import SecantSettings
 from iterator.model import ODD_TERMS, DriveTerm, ForeseenStep, SeenStep, StepSpectra, averaged_steps
 from iterator.updates.secant_fit import SecantFit
 
-# Share of what a smaller set of terms leaves of the steps' energy, below which a larger one has to stay.
+# Share of the energy left by a smaller set of terms, below which a larger set has to stay to be used.
 _GATE: Final = 0.9
-# The same of the first step, which no fit could foresee: an arc leaves a tenth, what only looks like one far more.
+# The same for the first step, which no fit could predict: an arc leaves a tenth, a false one far more.
 _GATE_OF_FIRST: Final = 0.5
-# What leaves less than this share of the energy foresees all: a rest of rounding says nothing about terms.
+# Share of the energy below which the prediction is complete: rounding residue says nothing about terms.
 _ALL_FORESEEN: Final = 1e-6
 
 FitSteps = Callable[[tuple[SeenStep, ...], tuple[DriveTerm, ...]], SecantFit]
-"""Fits the drives and some terms to steps."""
+"""Function that fits the drives and some terms to steps."""
 
 
 def foreseen_steps(
@@ -32,9 +32,9 @@ def foreseen_steps(
     response_weight: NDArray[np.float64],
     before: tuple[ForeseenStep, ...],
 ) -> tuple[ForeseenStep, ...]:
-    """Foresee every step with each candidate's terms, fitted to the steps before it; the first step from itself.
+    """Predict every step with each candidate's terms, fitted to the steps before it; the first step from itself.
 
-    `before`: What an earlier call returned; steps that it holds would come out the same, byte for byte.
+    `before`: Result of an earlier call; its steps would be identical, byte for byte.
     """
     fitted_with = (settings, tuple(candidates), response_weight.tobytes())
     found: list[ForeseenStep] = []
@@ -62,12 +62,13 @@ def _left(spectra: StepSpectra, step: SeenStep, found: SecantFit, terms: tuple[D
 def terms_that_foresee(
     foreseen: tuple[ForeseenStep, ...], candidates: Sequence[tuple[DriveTerm, ...]], *, forgetting: float
 ) -> tuple[DriveTerm, ...]:
-    """Return the candidate that foresees the steps: from the smallest, a larger one where it leaves far less.
+    """Return the candidate that predicts the steps best: from the smallest, a larger one only if it leaves far less.
 
-    One step says too little: of a step that a model with terms has made, the drives alone may foresee more than of
-    others, and the gate would flutter. Each step therefore counts `φ` times the one after it, and a set that was used
-    is given up only for one that leaves less. After the first playback there is nothing that was foreseen: squares have
-    to explain most of it, and odd terms, which resemble the drives, would only stand in for what the prior keeps.
+    One step is not enough evidence: the drives alone may predict a step that a model with terms has made better than
+    others, and the gate would flutter. Each step therefore has `φ` times the weight of the one after it, and a used
+    set is dropped only for one that leaves less. After the first playback there is no prediction: squares have to
+    explain most of it, and odd terms, which resemble the drives, would only replace the part that the prior
+    withholds.
     """
     used = 0
     for number in range(1, len(foreseen) + 1):
@@ -84,6 +85,6 @@ def terms_that_foresee(
 
 
 def kept_inputs(cut: tuple[DriveTerm, ...], terms: tuple[DriveTerm, ...], *, drives: int) -> NDArray[np.intp]:
-    """Return the indices of the drives and of some terms among the inputs that steps were cut with."""
+    """Return the indices of the drives and of some terms among the inputs of the steps."""
     blocks = (0, *(1 + cut.index(term) for term in terms))
     return np.concatenate([np.arange(drives) + drives * block for block in blocks])

@@ -1,4 +1,4 @@
-"""A cautious Gauss-Newton step: least squares of the error that a model with nonlinear terms foresees of a step."""
+"""Cautious Gauss-Newton step: least squares of the error that a model with nonlinear terms predicts for a step."""
 
 from __future__ import annotations
 
@@ -14,21 +14,22 @@ from iterator.model import InterpolatedMatrix, RigModel, gram_and_ridge
 
 _TURNS: Final = 2
 _CONJUGATE_GRADIENTS: Final = 6
-# Times that a turn is halved where it does not lower the objective, before it is left out.
+# Number of times that a change is halved if it does not lower the objective, before it is dropped.
 _HALVINGS: Final = 3
 # Share of the gradient's energy below which a linear problem is solved.
 _SOLVED: Final = 1e-6
-# Of the rate at which terms are formed, over twice the band's end: products of three drives do not fold into the band.
+# Sample rate of the terms over twice the band's end: products of three drives do not alias into the band.
 _OVERSAMPLING: Final = 2.0
 
 
 class StepProblem:
     """Prediction of a model with terms for a step from a drive: `Δŷ = H x + Σ B_t (t(u + x) - t(u))`.
 
-    Everything is in lines of the band, in scaled units: drives over `drive_scale`, responses times `response_weight`.
-    A step is `x = L v`, with `L Lᴴ = (JᴴJ + R)⁻¹` of the mean tangent `J`, so that conjugate gradients in `v` begin
-    with the cautious inverse. `R` is the tangent's uncertainty and the ridge of the inverse; its root stands below
-    the responses, and a step costs `‖residual‖² + ‖R^½ x‖²`. `frf` is `H` at the lines, `model.frf` the mean tangent.
+    All quantities are at lines of the band, in scaled units: drives over `drive_scale`, responses times
+    `response_weight`. A step is `x = L v`, with `L Lᴴ = (JᴴJ + R)⁻¹` of the mean tangent `J`, so that conjugate
+    gradients in `v` begin with the cautious inverse. `R` is the tangent's uncertainty plus the ridge of the inverse;
+    its root is below the responses, and a step costs `‖residual‖² + ‖R^½ x‖²`. `frf` is `H` at the lines, `model.frf`
+    the mean tangent.
     """
 
     def __init__(
@@ -52,7 +53,7 @@ class StepProblem:
         self._mask = band.drive_mask(self._transform.frequency)
         self._weight, self._scale, self._terms = response_weight, drive_scale, model.terms
         self.frequency: NDArray[np.float64] = self._transform.frequency
-        """ndarray, shape (lines,): Hz, of the lines in the band."""
+        """Frequencies of the lines in the band, Hz: ndarray, shape (lines,)."""
         length = band.transform_samples(samples)
         first = round(float(self.frequency[0]) * length / band.sample_rate)
         self._inside = slice(first, first + self.frequency.size)
@@ -63,14 +64,14 @@ class StepProblem:
             NDArray[np.float64], fft.irfft(whole[:, : self._short // 2 + 1], self._short, axis=1)
         )
         linear = frf * response_weight[:, None] * drive_scale
-        # Terms of scaled drives have the drives' scale to their power.
+        # Terms of scaled drives are scaled by the drives' scale to their power.
         powers = np.concatenate([drive_scale**term.degree for term in model.terms])
         of_terms = model.term_frf[lines] * response_weight[:, None] * powers
         nothing = np.zeros((n_u, self.frequency.size), dtype=np.complex128)
         played = max(1, int(samples * self._rate_share))
         slopes = [np.diag(np.mean(slope[:, :played], axis=1)) for slope in self.slopes(nothing)]
         tangent = linear + np.matmul(of_terms, np.concatenate(slopes))
-        # The uncertainty has terms that are not scaled.
+        # The uncertainty refers to terms that are not scaled.
         of_inputs = np.concatenate((np.eye(n_u), np.concatenate(slopes) * powers[:, None]))
         gram, ridge = gram_and_ridge(tangent, regularisation=regularisation)
         doubt = np.matmul(of_inputs.T, np.matmul(uncertainty, of_inputs)) + ridge
@@ -87,7 +88,7 @@ class StepProblem:
         )
 
     def wanted(self, missing: NDArray[np.float64], *, gain: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return the rows that a step is to make: the missing response times its gain, at no cost."""
+        """Return the wanted rows of a step: the missing response times its gain, at no cost."""
         rows = np.zeros((self._weight.size + self._scale.size, self.frequency.size), dtype=np.complex128)
         for record, row in zip(missing, rows, strict=False):
             self._transform.lines(record, weight=self._mask, out=row)
@@ -95,7 +96,7 @@ class StepProblem:
         return rows
 
     def rows(self, step: NDArray[np.complex128]) -> NDArray[np.complex128]:
-        """Return what the model foresees of a step, and below it what the step costs."""
+        """Return the predicted response to a step, and below it the cost of the step."""
         after = self._drive + self._in_time(step)
         return self._rows.times(
             np.concatenate(
@@ -148,10 +149,10 @@ class StepProblem:
 def gauss_newton_step(
     problem: StepProblem, *, missing: NDArray[np.float64], gain: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the step that makes what is missing of the responses, as far as the gain lets it.
+    """Return the step that gives the missing part of the responses, as far as the gain allows.
 
-    `missing`, shape (n_y, samples): Response units. `gain`, shape (lines, n_y): Of the problem's lines.
-    Returns: shape (n_u, samples): Drive units.
+    `missing`, shape (n_y, samples): Response units. `gain`, shape (lines, n_y): Gain at the problem's lines.
+    Returns: Step in drive units, shape (n_u, samples).
     Source: the Gauss-Newton method with conjugate gradients, as in J. Nocedal, S. J. Wright, *Numerical Optimization*.
     """
     wanted = problem.wanted(missing, gain=gain)
@@ -174,7 +175,7 @@ def gauss_newton_step(
 def _least_squares(
     problem: StepProblem, slopes: tuple[NDArray[np.float64], ...], left: NDArray[np.complex128]
 ) -> NDArray[np.complex128]:
-    """Solve for the change of `v` that makes what is left, by a few conjugate gradients."""
+    """Solve for the change of `v` that gives the remaining rows, by a few conjugate gradients."""
     gradient = problem.backward(slopes, left)
     found, direction = np.zeros_like(gradient), gradient
     energy = first = _energy(gradient)
@@ -185,7 +186,7 @@ def _least_squares(
         share = energy / _energy(made)
         found = found + share * direction
         if not to_come:
-            # The gradient there would cost as much as half an iteration, and no direction follows from it any more.
+            # The next gradient would cost as much as half an iteration, and no direction follows from it any more.
             break
         left = left - share * made
         gradient = problem.backward(slopes, left)

@@ -1,4 +1,4 @@
-"""Learning of an update from the playbacks of earlier campaigns, before its own first one."""
+"""Corrections of the model from the playbacks of earlier campaigns, before the first playback."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from iterator.updates.settings import UpdateSettings
 
 
 def learned_before(earlier: tuple[tuple[Playback, ...], ...], model: RigModel, settings: UpdateSettings) -> RigModel:
-    """Return the model as playbacks of earlier campaigns on the same rig correct it.
+    """Return the model corrected by playbacks of earlier campaigns on the same rig.
 
-    The secant update fits its model to their steps whenever it fits, so that it keeps them; Adaptive Modelling corrects
-    the model by one playback after the other; basic TWR and plug-ins learn nothing.
+    The secant update keeps their steps and fits its model to them at every fit; Adaptive Modelling corrects the model
+    by one playback after the other; basic TWR and plug-ins learn nothing.
 
-    `earlier`: Drives mapped where there is a map, responses in the control band, by campaigns. `model`: As identified.
+    `earlier`: Drives mapped if there is a map, responses in the control band, by campaigns. `model`: As identified.
     """
     if settings.plugin is not None:
         return model
@@ -24,7 +24,7 @@ def learned_before(earlier: tuple[tuple[Playback, ...], ...], model: RigModel, s
         return replace(model, earlier=earlier)
     if settings.kind is UpdateKind.ADAPTIVE_MODELLING:
         for playback in (each for campaign in earlier for each in campaign):
-            # The target of that campaign is near its response, and tells no more than which lines have energy.
+            # The target of that campaign is near its response, and only shows which lines have energy.
             history = IterationHistory(target=playback.response, playbacks=(playback,))
             model = corrected(model, estimate_correction(history, model, settings), settings.prediction)
     return model

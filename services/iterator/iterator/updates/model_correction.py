@@ -1,4 +1,4 @@
-"""Corrections of the inverse model from averaged spectra, with their safeguards: channel by channel, or all of them."""
+"""Corrections of the inverse model from averaged spectra, with safeguards: channel by channel, or full."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class PredictionSpectra:
 
 @dataclass(frozen=True)
 class FullPredictionSpectra:
-    """The same of all channels with each other.
+    """Spectra of predicted and measured signal, of all channels with each other.
 
     `predicted_with_measured`, shape (lines, n, n): `S_ŷy`; backward `S_uû`. `measured`, shape (lines, n, n): `S_yy`;
     backward `S_ûû`. `predicted`, shape (lines, n): Diagonal of `S_ŷŷ`; backward of `S_uu`.
@@ -42,11 +42,11 @@ class FullPredictionSpectra:
 
 
 def correction_from_spectra(spectra: PredictionSpectra, settings: UpdateSettings) -> NDArray[np.complex128]:
-    """Correction of each channel with its safeguards: `c = 1 + w (S_ŷy / S_yy - 1)`, its magnitude bounded.
+    """Return the correction of each channel with safeguards: `c = 1 + w (S_ŷy / S_yy - 1)`, its magnitude bounded.
 
-    What the rig adds to the response by itself, unforeseen by the model, counts as noise in `S_yy` and biases the
-    correction low. Corrections multiply, so even a mild bias would make the inverse fade away: incoherent lines are
-    left alone, not just corrected less.
+    Responses of the rig that the model does not predict count as noise in `S_yy` and bias the correction low.
+    Corrections multiply, so even a small bias would make the inverse vanish: incoherent lines are not corrected at all,
+    not only corrected less.
     """
     cross, predicted, measured = spectra.predicted_with_measured, spectra.predicted, spectra.measured
     if settings.smooth_lines:
@@ -60,7 +60,7 @@ def correction_from_spectra(spectra: PredictionSpectra, settings: UpdateSettings
 
 
 def full_correction_from_spectra(spectra: FullPredictionSpectra, settings: UpdateSettings) -> NDArray[np.complex128]:
-    """Full correction `C = S_ŷy S_yy⁻¹` (Eq. 12) with its safeguards."""
+    """Return the full correction `C = S_ŷy S_yy⁻¹` (Eq. 12) with safeguards."""
     cross, measured, predicted = spectra.predicted_with_measured, spectra.measured, spectra.predicted
     if settings.smooth_lines:
         cross, measured, predicted = smooth_lines(cross), smooth_lines(measured), smooth_lines(predicted)
@@ -92,7 +92,7 @@ def _weight(coherence: NDArray[np.float64], settings: UpdateSettings) -> NDArray
 
 def _bounded(correction: NDArray[np.complex128], settings: UpdateSettings) -> NDArray[np.complex128]:
     magnitude = np.abs(correction)
-    # A correction of exactly 0 has no phase to keep: it asks for the smallest one.
+    # A correction of exactly 0 has no phase: it becomes the smallest allowed one.
     direction = np.divide(correction, magnitude, out=np.ones_like(correction), where=magnitude > 0.0)
     inside = (magnitude >= settings.smallest_correction) & (magnitude <= settings.largest_correction)
     return np.where(

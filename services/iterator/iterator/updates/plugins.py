@@ -1,4 +1,4 @@
-"""Updates that installed distributions offer under the entry points `duralab.updates`."""
+"""Updates of installed distributions with the entry points `duralab.updates`."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from iterator.model import IterationHistory, RigModel
 from iterator.updates.settings import NextDrive, Update, UpdateSettings, own_update
 
 GROUP: Final = "duralab.updates"
-"""Entry points of plug-ins: each names a pydantic model of its settings with a method `next_drive`."""
+"""Entry point group of plug-ins: each names a pydantic model of its settings with a method `next_drive`."""
 
 LARGEST_SHARE_ABOVE: Final = 0.02
-"""RMS of a drive above the control band's upper flank, relative to the whole, that is taken for rounding and fades."""
+"""Largest RMS of a drive above the control band's upper flank, relative to the whole: rounding and fades."""
 
-# Ends of a record that are faded before its spectrum is judged: a drive is faded there before it is played.
+# Share of a record that is faded before its spectrum is judged, as a drive is faded before it is played.
 _TAPER: Final = 0.05
 
 
@@ -33,11 +33,11 @@ class _UpdateModel(Protocol):
 
 
 def plugin_update(plugin: UpdatePlugin) -> tuple[Update, str]:
-    """Return the update of a plug-in with its settings, and a sentence that says what makes the drives.
+    """Return the update of a plug-in with its settings, and a sentence that names it as the source of the drives.
 
-    Raises `SettingsError`: The name is of no or of several plug-ins, the import fails, what it names is no model with
-    `next_drive`, or the settings are not allowed. The update itself raises ValueError where the plug-in raises
-    anything, or returns what cannot be played.
+    Raises `SettingsError`: No plug-in or several have the name, the import fails, the entry point is not a model with
+    `next_drive`, or the settings are not allowed. The update itself raises ValueError if the plug-in raises any error,
+    or returns a drive that cannot be played.
     """
     found = load_plugin(GROUP, plugin.name, field="update.plugin.name", shipped=[kind.value for kind in UpdateKind])
     name = f"the update plug-in {found.name!r} of {found.source}"
@@ -67,7 +67,7 @@ def plugin_update(plugin: UpdatePlugin) -> tuple[Update, str]:
 
 
 def _guarded(made: _UpdateModel, name: str) -> Update:
-    """Return the method of a plug-in whose errors name it."""
+    """Return the method of a plug-in with its name in all errors."""
 
     def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
         try:
@@ -79,8 +79,8 @@ def _guarded(made: _UpdateModel, name: str) -> Update:
 
 
 def _require_in_band(drive: NDArray[np.float64], band: ControlBand, *, name: str) -> None:
-    """Refuse a drive with content above the band, which the model knows nothing of and the rig may not bear."""
-    # It takes a second to import, and most campaigns have no plug-in.
+    """Refuse a drive with content above the band, where the model is not valid and the rig may be damaged."""
+    # The import takes a second, and most campaigns have no plug-in.
     from scipy.signal.windows import tukey
 
     tapered = drive * tukey(drive.shape[1], _TAPER)

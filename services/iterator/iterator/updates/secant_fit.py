@@ -12,24 +12,24 @@ from duralab_spectra import smooth_lines
 from iterator.model import StepSpectra
 from iterator.updates.anchored_fit import AnchoredSteps
 
-# Terms that leave more than the first share of what the drives alone leave of a response are noise; less than the
-# second, and they are taken whole. Random plants converge alike with 0.6 and 0.2.
+# Terms are noise if they leave more than the first share of the energy that the drives alone leave of a response; they
+# are used fully if they leave less than the second. Random plants converge equally with 0.6 and 0.2.
 _NOT_TRUSTED, _TRUSTED = 0.8, 0.4
-# Independent averages that the smoothing over lines with [1 2 3 2 1] / 9 makes of one: lines under a Hann window
-# resemble their neighbours.
+# Factor of the independent averages by the smoothing over lines with [1 2 3 2 1] / 9: lines under a Hann window
+# are correlated with their neighbours.
 _AVERAGES_BY_SMOOTHING: Final = 2.4
-# Share of a response's energy below which what is left of it is rounding.
+# Share of a response's energy below which a residual is rounding.
 _ROUNDING: Final = 1e-12
 
 
 @dataclass(frozen=True)
 class SecantFit:
-    """The fitted FRF matrix and how little is known of it.
+    """Fitted FRF matrix and its uncertainty.
 
     `frf`, shape (lines, n_y, n_u): `H_k`, response unit per drive unit. `term_frf`, shape (lines, n_y, further inputs):
-    What the nonlinear terms add, response unit per unit of theirs. `uncertainty`, shape (lines, inputs, inputs):
-    `E[δᴴδ] = n σ² P / N` of weighted responses and scaled drives, `N` the independent averages; behind the drives the
-    terms, not scaled.
+    FRF of the nonlinear terms, response unit per term unit. `uncertainty`, shape (lines, inputs, inputs):
+    `E[δᴴδ] = n σ² P / N` of weighted responses and scaled drives, `N` the independent averages; the terms follow the
+    drives and are not scaled.
     """
 
     frf: NDArray[np.complex128]
@@ -49,15 +49,15 @@ def fit_secant(
 ) -> SecantFit:
     """Fit `H_k = (S̄_ΔyΔu + H_0 Λ) P`, `P⁻¹ = S̄_ΔuΔu + Λ`, anchored at the identified `H_0` by the prior `Λ`.
 
-    It is written as `H_0 + (S̄_ΔyΔu - H_0 S̄_ΔuΔu) P`, so that steps which `H_0` explains leave it as it is. Lines
-    without any drive keep `H_0`.
+    It is written as `H_0 + (S̄_ΔyΔu - H_0 S̄_ΔuΔu) P`, so that steps explained by `H_0` do not change it. Lines without
+    any drive keep `H_0`.
 
-    A fixed prior keeps `κ / (1 + κ)` of an error of `H_0` forever: a quarter of a wrong sign or of a delay by half a
-    period, and the iteration crawls. Where the fit explains the steps far better than `H_0`, the prior is therefore
-    weakened, down to a tenth; distortion and noise, which no FRF explains, leave it as it is.
+    A fixed prior always keeps `κ / (1 + κ)` of an error of `H_0`: a quarter of a wrong sign or of a delay by half a
+    period, which makes the iteration slow. If the fit explains the steps far better than `H_0`, the prior is therefore
+    weakened, down to a tenth; distortion and noise, which no FRF explains, do not weaken it.
 
-    Where the steps hold nonlinear terms of the drives, both fits are made, with and without. At each line and for each
-    response the terms count by how much less they leave unexplained than as many inputs of noise would.
+    If the steps hold nonlinear terms of the drives, both fits are made, with and without. At each line and for each
+    response the terms are weighted by how much less they leave unexplained than as many inputs of noise would.
     """
     n_u, inputs = drive_scale.size, spectra.drive.shape[1]
     inverse_scale = np.concatenate((1.0 / drive_scale, np.ones(inputs - n_u)))
@@ -82,7 +82,7 @@ def fit_secant(
 def _fit_and_spread(
     steps: AnchoredSteps, prior_strength: float, *, averages: float
 ) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
-    """Return the matrix of all inputs and `P`, from both fits as far as each is trusted."""
+    """Return the matrix of all inputs and `P`, from both fits weighted by their trust."""
     n_u, inputs = steps.drives, steps.inputs.shape[1]
     alone, spread = steps.of_drives_alone().fit(prior_strength)
     if inputs == n_u:
@@ -95,7 +95,7 @@ def _fit_and_spread(
         return plain, of_drives
     whole, whole_spread = steps.fit(prior_strength)
     left, left_with_terms = (smooth_lines(steps.unexplained(by)) for by in (plain, whole))
-    # Inputs of noise would take their degrees of freedom away, too.
+    # Inputs of noise would also use their degrees of freedom.
     by_chance = (independent - inputs) / (independent - n_u)
     share = np.ones_like(left)
     known = left > _ROUNDING * smooth_lines(steps.responses)

@@ -1,4 +1,4 @@
-"""The secant update: every step played so far corrects the identified model, and its doubts make the step cautious."""
+"""Secant update: all played steps correct the identified model, and its uncertainty makes the step cautious."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ from iterator.updates.gauss_newton import StepProblem, gauss_newton_step
 from iterator.updates.secant_fit import SecantFit, fit_secant
 from iterator.updates.settings import NextDrive, UpdateSettings
 
-# Weight of the identified model relative to `prior_strength` where odd terms are fitted: they take over what a change
-# of level does to the drives' own columns, and a strong prior keeps them from it.
+# Strength of the identified model relative to `prior_strength` if odd terms are fitted: they explain the effect of the
+# level on the drives' own columns, and a strong prior prevents that.
 _PRIOR_WITH_TERMS: Final = 0.3
 
 
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
     """Fit the model to all steps played, invert it cautiously, and update the drive as in Eq. 2.
 
-    Where nonlinear terms of the drives foresee the playbacks better than the drives alone, the step minds them: squares
-    by fixed point; odd terms by least squares of the error that the fitted model foresees.
+    If nonlinear terms of the drives predict the playbacks better than the drives alone, the step includes them: squares
+    by fixed point iteration; odd terms by least squares of the error that the fitted model predicts.
 
     Source: C. G. Broyden's secant condition over several steps, as a regularised least-squares fit at each line; C. F.
     Gauss and I. Newton for the step.
@@ -77,7 +77,7 @@ def secant_model(history: IterationHistory, model: RigModel, settings: UpdateSet
 
 @dataclass(frozen=True)
 class _Learned:
-    """The model bent by all steps, and the fit that bent it: at the driven lines, in scaled units."""
+    """Model corrected by all steps, and the fit of the correction at the driven lines, in scaled units."""
 
     model: RigModel
     fit: SecantFit
@@ -99,7 +99,7 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
         last=int(lines[-1]),
         terms=candidates[-1],
     )
-    # Apart from those with terms, so that a fit of the drives alone has the same bytes whatever terms are tried.
+    # Separate from those with terms, so that a fit of the drives alone has the same bytes for any tried terms.
     known = {"before": model.seen_steps, "earlier": model.earlier}
     of_drives = seen_steps(history, replace(blocks, terms=()), **known)
     steps = seen_steps(history, blocks, **known) if blocks.terms else of_drives
@@ -163,7 +163,7 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
 
 
 def _mean_slope(found: SecantFit, terms: tuple[DriveTerm, ...], drive: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return what odd terms add to the FRF around a drive, in the mean over time: predictions are linear in steps."""
+    """Return the contribution of odd terms to the FRF around a drive, averaged over time: predictions are linear."""
     added = np.zeros_like(found.frf)
     for number, term in enumerate(terms):
         if term in ODD_TERMS:
@@ -173,7 +173,7 @@ def _mean_slope(found: SecantFit, terms: tuple[DriveTerm, ...], drive: NDArray[n
 
 
 def _candidates(settings: UpdateSettings) -> tuple[tuple[DriveTerm, ...], ...]:
-    """Return the sets of terms that may be fitted: first none, last all."""
+    """Return the sets of terms that may be fitted: the first is empty, the last has all."""
     squares = (DriveTerm.SQUARE,) if settings.squares else ()
     odd = ODD_TERMS if settings.secant.odd_terms else ()
     return tuple(dict.fromkeys(((), squares, odd, squares + odd)))
@@ -182,7 +182,7 @@ def _candidates(settings: UpdateSettings) -> tuple[tuple[DriveTerm, ...], ...]:
 def _identification_drive(
     model: RigModel, lines: NDArray[np.intp], scale: NDArray[np.float64]
 ) -> NDArray[np.complex128]:
-    """`S_id` up to a factor at each line: the estimate's covariance is its inverse."""
+    """Return `S_id` up to a factor at each line: the estimate's covariance is its inverse."""
     if model.uncertainty is None:
         return np.broadcast_to(np.diag(scale**2).astype(np.complex128), (lines.size, scale.size, scale.size))
     try:
@@ -195,7 +195,7 @@ def _identification_drive(
 
 
 def _drive_scale(history: IterationHistory, model: RigModel, lines: NDArray[np.intp]) -> NDArray[np.float64]:
-    """RMS of the identification's drives up to a factor, or of the first drive where that is not known."""
+    """Return the RMS of the identification's drives up to a factor, or of the first drive if that is not known."""
     if model.uncertainty is None:
         scale = rms((*model.earlier, history.playbacks)[0][0].drive)
         if not np.all(scale > 0.0):

@@ -1,4 +1,4 @@
-"""Segment acceptance: where a playback came out worse than the best so far, go back there and step more carefully."""
+"""Segment acceptance: a segment that became worse than the best so far is restored, and its next step is smaller."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ class AcceptanceSettings:
     cross_fade_seconds : float
         Width of the Hann window that blends from one drive to another, s, greater than 0.
     tolerance : float
-        A stretch is worse where its energy exceeds this multiple of the best so far, 1 or more.
+        A segment is worse if its energy exceeds this multiple of the best so far, 1 or more.
     smaller_step, larger_step : float
-        Factors of the step gain where a stretch was worse, in (0, 1), and where it was not, 1 or more; the square
-        root of the latter after one time worse, and so on.
+        Factors of the step gain for a worse segment, in (0, 1), and for any other, 1 or more; the square root of the
+        latter after one time worse, and so on.
     smallest_step : float
-        Step gain that is never gone below, in (0, 1].
+        Smallest step gain, in (0, 1].
     least_progress : float
-        Share of the predicted progress of a step below which the next one is smaller, 0 to below 1; 0 judges by
+        Share of the predicted progress of a step below which the next one is smaller, 0 to below 1; 0 uses
         `tolerance` alone.
     doubted_step : float
-        Factor of the step gain there, in (0, 1].
+        Factor of the step gain in that case, in (0, 1].
     negligible : float
         Share of the target's mean energy below which a difference in energy is rounding, 0 to below 1.
 
@@ -84,13 +84,13 @@ class AcceptedIterate:
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
-        Best so far, stretch by stretch.
+        Best drive so far, segment by segment.
     response : ndarray, shape (n_y, samples)
-        Of that drive.
+        Response of that drive.
     step_gain : ndarray, shape (samples,)
-        How much of a step is made at each instant, above 0 and at most 1.
+        Share of a step that is made at each instant, above 0 and at most 1.
     rolled_back : ndarray of bool, shape (samples,)
-        Where the last playback was worse and its drive was left.
+        Samples at which the last playback was worse and its drive was dropped.
     """
 
     drive: NDArray[np.float64]
@@ -107,39 +107,39 @@ def accept_segments(
     settings: AcceptanceSettings,
     iteration_gain: Sequence[float] = (),
 ) -> AcceptedIterate:
-    """Compose the best drive so far from all playbacks, stretch by stretch.
+    """Compose the best drive so far from all playbacks, segment by segment.
 
-    A step with the gain `g` is predicted to leave `(1 - g)²` of the error's energy. Where it was worse than the best so
-    far, drive and error go back and the next step is halved. Where the progress was far less than predicted, the drive
-    stays and the next step is a little smaller: something acts there that the model does not know.
+    A step with the gain `g` is predicted to leave `(1 - g)²` of the error's energy. In segments worse than the best so
+    far, drive and error are restored and the next step is halved. If the progress was far less than predicted, the
+    drive stays and the next step is a little smaller, because of an effect that the model does not include.
 
     Parameters
     ----------
     history : IterationHistory
-        With one playback or more; all are gone through again, so the result depends on nothing else.
+        History with one playback or more; all are processed again, so the result depends on nothing else.
     response_scale : ndarray, shape (n_y,)
-        What each response's error is multiplied by before channels are added: one over its target's RMS; 0 where it is
-        watched only.
+        Factor of each response's error before channels are added: one over its target's RMS; 0 for a monitored
+        response.
     sample_rate : float
-        Of all records, Hz.
+        Sample rate of all records, Hz.
     settings : AcceptanceSettings
-        Tolerance, widths and step factors.
+        Settings with tolerance, widths and step factors.
     iteration_gain : sequence of float, optional
-        Least iteration gain of the step to each playback but the first, in (0, 1]; 1 where not given.
+        Smallest iteration gain of the step to each playback except the first, in (0, 1]; 1 if not given.
 
     Returns
     -------
     AcceptedIterate
-        The start of the next step.
+        Start of the next step.
 
     Raises
     ------
     ValueError
-        There is no playback yet, or another number of gains than of steps.
+        There is no playback yet, or the number of gains differs from that of steps.
 
     Notes
     -----
-    Source: trust regions, as in J. Nocedal, S. J. Wright, *Numerical Optimization*, for steps that bring too little.
+    Source: trust regions, as in J. Nocedal, S. J. Wright, *Numerical Optimization*, for steps with too little progress.
     """
     if not history.playbacks:
         raise ValueError("There is no playback to accept; play the first drive before.")
@@ -163,7 +163,7 @@ def accept_segments(
         if back is not None:
             failed = back > 0.0
             failures[failed] += back[failed]
-            # Where the step was too large before, it grows half as fast: it would be too large again, and again.
+            # In segments where the step was too large before, it grows half as fast: it would be too large repeatedly.
             growth[failed] = settings.larger_step ** (0.5 ** failures[failed])
         promised = (1.0 - np.square(1.0 - share * gain)) * best
         doubted = ~worse & (best - energy < settings.least_progress * promised - rounding)
@@ -184,20 +184,20 @@ def accept_segments(
 
 
 def _hann(seconds: float, sample_rate: float) -> NDArray[np.float64]:
-    """Hann window of odd length and sum 1, without its zeros at the ends."""
+    """Return a Hann window of odd length and sum 1, without its zeros at the ends."""
     half = max(1, round(seconds * sample_rate / 2.0))
     window = np.hanning(2 * half + 1)[1:-1]
     return window / window.sum()
 
 
 def _cross_fade(chosen: NDArray[np.bool_], window: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Average of 1 where chosen and 0 elsewhere, over a window; exactly 1 and 0 where no edge is within its reach.
+    """Return the average of 1 if chosen and 0 elsewhere over a window; exactly 1 and 0 without an edge in its reach.
 
-    The first and last value hold on beyond the ends: nothing fades towards a record that does not exist.
+    The first and last value extend beyond the ends: nothing fades towards a record that does not exist.
     """
     half, count = window.size // 2, chosen.size
     share = chosen.astype(np.float64)
-    # What the average of a step up is above the step, around the step's first sample.
+    # Difference of the average of a unit step and the step, around the step's first sample.
     ramp = np.cumsum(window)[:-1]
     ramp[half:] -= 1.0
     for edge in np.flatnonzero(np.diff(chosen)) + 1:
@@ -208,7 +208,7 @@ def _cross_fade(chosen: NDArray[np.bool_], window: NDArray[np.float64]) -> NDArr
 
 
 def _shares(fades: list[NDArray[np.float64] | None], samples: int) -> list[NDArray[np.float64] | None]:
-    """Share of each playback in the best drive, from how much each went back to those before it; None for nothing."""
+    """Return the share of each playback in the best drive, from its share of restored segments; None for nothing."""
     shares: list[NDArray[np.float64] | None] = [None] * len(fades)
     remaining = np.ones(samples)
     for number in reversed(range(len(fades))):
@@ -226,7 +226,7 @@ def _composed(records: list[NDArray[np.float64]], shares: list[NDArray[np.float6
     for record, share in zip(records, shares, strict=True):
         if share is None:
             continue
-        # Most of a record comes from one playback: the others are added where they count only.
+        # Most of a record comes from one playback: the others are added only where they have a share.
         edges = np.flatnonzero(np.diff(share > 0.0, prepend=False, append=False))
         for start, end in edges.reshape(-1, 2):
             result[:, start:end] += share[start:end] * record[:, start:end]
@@ -236,7 +236,7 @@ def _composed(records: list[NDArray[np.float64]], shares: list[NDArray[np.float6
 def _power(
     samples: NDArray[np.float64], scale: NDArray[np.float64], *, without: NDArray[np.float64] | None = None
 ) -> NDArray[np.float64]:
-    """Sum of the squares of all channels, each scaled; one after the other, so that what is worked on stays small."""
+    """Return the sum of the squares of all scaled channels, one after the other to keep the arrays small."""
     power = np.zeros(samples.shape[1])
     scaled = np.empty_like(power)
     for channel in np.flatnonzero(scale):
@@ -257,9 +257,9 @@ def _local_energy(
     window: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     half, count = window.size // 2, target.shape[1]
-    # One transform of the whole: scipy.signal has a convolution as well, and takes a second to import.
+    # One transform of the whole record: scipy.signal also has a convolution, but its import takes a second.
     padded = fast_length(count + window.size - 1)
     power = _power(target, scale, without=response)
     energy = backward(forward(power, padded) * forward(window, padded), padded)[half : half + count]
-    # Rounding of the transform leaves tiny negative energies where there is none.
+    # Rounding of the transform may give tiny negative energies.
     return np.maximum(energy, 0.0)

@@ -1,4 +1,4 @@
-"""The one interface of all updates: `(history, model, settings) -> next drive`."""
+"""Common interface of all updates: `(history, model, settings) -> next drive`."""
 
 from __future__ import annotations
 
@@ -17,28 +17,28 @@ from iterator.updates.segment_acceptance import AcceptanceSettings
 
 
 class UpdateSettings(ResolvedUpdate):
-    """Settings of an update besides history and model; its other fields are those of `ResolvedUpdate`.
+    """Settings of an update in addition to history and model; its other fields are those of `ResolvedUpdate`.
 
     Parameters
     ----------
     band : ControlBand
-        Drives get energy in it only.
+        Control band; drives get energy only in it.
     acceptance : AcceptanceSettings
-        How the best drive so far is composed, where `accept_segments` is set.
+        Settings of the composition of the best drive so far, used if `accept_segments` is set.
     smooth_lines : bool
         Adaptive Modelling: average the spectra over neighbouring lines, with weights 1 2 3 2 1, before the correction
         is formed.
     correction_overlap : float
-        Adaptive Modelling: overlap of the blocks averaged, 0 up to but not including 1; three quarters use all that a
-        Hann window leaves.
+        Adaptive Modelling: overlap of the averaged blocks, 0 up to but not including 1; three quarters use all data
+        under a Hann window.
     energy_floor : float
         Adaptive Modelling: lines at which target, measured or predicted response has less than this share of its
         largest spectral density in the control band are not corrected; between 0 and 1.
     secant_overlap : float
-        Secant update: overlap of the blocks averaged, 0 up to but not including 1.
+        Secant update: overlap of the averaged blocks, 0 up to but not including 1.
     squares : bool
-        Secant update: whether to learn what the squares of the drives do, too: arcs of levers, and springs that are
-        stiffer one way. `secant.odd_terms` is the same for cubes and signed squares.
+        Secant update: whether to learn the effect of the squares of the drives: arcs of levers, and springs that are
+        stiffer in one direction. `secant.odd_terms` is the same for cubes and signed squares.
 
     Raises
     ------
@@ -49,7 +49,7 @@ class UpdateSettings(ResolvedUpdate):
     """
 
     band: InstanceOf[ControlBand]
-    # A notebook may let a correction go further than a campaign does.
+    # A notebook may allow a larger correction than a campaign.
     largest_correction: float = Field(default=2.0, ge=1)
     acceptance: InstanceOf[AcceptanceSettings] = AcceptanceSettings()
     smooth_lines: bool = True
@@ -70,12 +70,12 @@ class UpdateSettings(ResolvedUpdate):
 
     @property
     def gains(self) -> NDArray[np.float64]:
-        """The iteration gain of each response, shape (n_y,)."""
+        """Iteration gain of each response, shape (n_y,)."""
         return np.array(self.iteration_gain)
 
     @property
     def without_terms(self) -> UpdateSettings:
-        """The same settings for a secant update that learns no nonlinear terms of the drives."""
+        """Settings for a secant update without nonlinear terms of the drives."""
         secant = self.secant.model_copy(update={"odd_terms": False})
         return self.model_copy(update={"squares": False, "secant": secant})
 
@@ -87,9 +87,9 @@ class NextDrive:
     Parameters
     ----------
     drive : ndarray, shape (n_u, samples)
-        To be played next, as long as the target; a mapped drive where the campaign has a drive map.
+        Next drive, as long as the target; a mapped drive if the campaign has a drive map.
     model : RigModel
-        What it was made with; goes into the next update.
+        Model that the drive was made with, for the next update.
     stepped_from : ndarray, shape (n_u, samples), or None
         The drive that the step was added to; None for the first, which starts from zero.
     """
@@ -100,14 +100,14 @@ class NextDrive:
 
 
 Update = Callable[[IterationHistory, RigModel, UpdateSettings], NextDrive]
-"""An update: pure, and the same result for the same arguments."""
+"""Pure function of an update: the same result for the same arguments."""
 
 
 def own_update(function: Update, *, name: str = "`update`") -> Update:
-    """Return a function as an update whose results are checked, and that cannot write to the history.
+    """Return a function as an update with checked results, which cannot write to the history.
 
-    `function`: `(history, model, settings) -> NextDrive`, as each of `UPDATES`. `name`: What errors call it.
-    Returns: Raises TypeError or ValueError where the function returns anything but a `NextDrive` of finite drives as
+    `function`: `(history, model, settings) -> NextDrive`, as each of `UPDATES`. `name`: Name in error messages.
+    Returns: Update that raises TypeError or ValueError unless the function returns a `NextDrive` of finite drives as
     long as the target, with a model of the same channels.
     Raises `TypeError`: `function` cannot be called.
     """

@@ -1,4 +1,4 @@
-"""Watched responses: measured and reported, but neither controlled nor used for acceptance and end."""
+"""Monitored responses: measured and reported, but neither controlled nor used for acceptance and end."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from iterator.updates.settings import UpdateSettings
 
 
 def controlled_responses(model: RigModel) -> NDArray[np.bool_]:
-    """Return which responses are controlled: all but those of weight 0.
+    """Return the mask of controlled responses: all except those of weight 0.
 
-    `model`: Its weights tell.
-    Returns: shape (n_y,): False for a response that is watched.
+    `model`: Model with the weights.
+    Returns: Mask, shape (n_y,), False for a monitored response.
     """
     if model.response_weight is None:
         return np.ones(model.frf.shape[1], dtype=bool)
@@ -24,13 +24,13 @@ def controlled_responses(model: RigModel) -> NDArray[np.bool_]:
 
 
 def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel:
-    """Return the model of the controlled responses alone.
+    """Return the model of the controlled responses only.
 
-    A full correction would otherwise answer for a controlled response with a watched one.
+    A full correction would otherwise use a monitored response to correct a controlled one.
 
-    `model`: Of all responses; watched ones have no part in its inverse. `controlled`, shape (n_y,): From
+    `model`: Model of all responses; monitored ones have no part in its inverse. `controlled`, shape (n_y,): From
     `controlled_responses`.
-    Returns: The same object where all are controlled.
+    Returns: The same object if all are controlled.
     """
     if controlled.all():
         return model
@@ -57,11 +57,11 @@ def controlled_model(model: RigModel, controlled: NDArray[np.bool_]) -> RigModel
 
 
 def whole_model(model: RigModel, *, identified: RigModel, controlled: NDArray[np.bool_]) -> RigModel:
-    """Return the model of all responses: those that an update bent, and the watched ones as identified.
+    """Return the model of all responses: those that an update corrected, and the monitored ones as identified.
 
-    `model`: Of the controlled responses. `identified`: Of all responses, before the first update. `controlled`, shape
-    (n_y,): From `controlled_responses`.
-    Returns: The inverse takes nothing from watched responses; `model` itself where all are controlled.
+    `model`: Model of the controlled responses. `identified`: Model of all responses, before the first update.
+    `controlled`, shape (n_y,): From `controlled_responses`.
+    Returns: Model whose inverse does not use monitored responses; `model` itself if all are controlled.
     """
     if controlled.all():
         return model
@@ -78,10 +78,10 @@ def whole_model(model: RigModel, *, identified: RigModel, controlled: NDArray[np
 
 
 def controlled_settings(settings: UpdateSettings, controlled: NDArray[np.bool_]) -> UpdateSettings:
-    """Return the settings of the controlled responses alone.
+    """Return the settings of the controlled responses only.
 
-    `settings`: With a gain for every response. `controlled`, shape (n_y,): From `controlled_responses`.
-    Returns: The same object where all are controlled.
+    `settings`: Settings with a gain for every response. `controlled`, shape (n_y,): From `controlled_responses`.
+    Returns: The same object if all are controlled.
     Raises `ValueError`: The settings are for another number of responses.
     """
     if settings.gains.size != controlled.size:

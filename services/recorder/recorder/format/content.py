@@ -18,19 +18,19 @@ from recorder.format.summary import PlannedRun, Runs, Story, Streams, Summary
 
 
 class SampleOrder:
-    """Compares where each block begins with where the one before it ends, in whatever order they come.
+    """Compares the first sample of each block with the end of the block before it; blocks may come in any order.
 
     Memory grows with the number of gaps between the blocks, not with their number.
     """
 
     def __init__(self) -> None:
-        # Sample at which the block of a number is to begin, and does: until the other of the two is known.
+        # Required and found first sample of each block number, until the other of the two is known.
         self._expected: dict[int, int] = {0: 0}
         self._found: dict[int, int] = {}
         self._misfit: tuple[int, int, int] | None = None
 
     def take(self, number: int, *, first: int, count: int) -> None:
-        """Take note of a block that was not taken before."""
+        """Add a block that was not added before."""
         self._compare(number, self._expected.pop(number, None), first, keep=self._found)
         self._compare(number + 1, self._found.pop(number + 1, None), first + count, keep=self._expected)
 
@@ -43,7 +43,7 @@ class SampleOrder:
 
     @property
     def finding(self) -> str:
-        """The first two blocks that do not join, as text; empty where all do."""
+        """The first two blocks that do not join, as text; empty if all join."""
         if self._misfit is None:
             return ""
         number, begins, ends = self._misfit
@@ -72,7 +72,7 @@ _STEPS_READ: Final[dict[str, type[ProtoMessage]]] = {
         *(sequencer_pb2.EnduranceRepeat, sequencer_pb2.EnduranceStatus),
     )
 }
-"""Steps of which more counts than their hash."""
+"""Steps whose content is read, not only hashed."""
 
 _TYPES_STORED_ONCE: Final = tuple(type_name_of(kind) for kind in STORED_ONCE)
 
@@ -83,9 +83,9 @@ class Content:
 
     `steps`: Full name of the message and SHA-256 of the payload of each step. `blocks`, `samples`: Signal blocks of
     each rig, run and epoch, and whether their samples follow each other. `named`: Run, epoch and hash of the samples
-    that steps leave out. `streams`: States and events of each key and epoch. `part`: What the file read last says about
-    its place. `attachments`: SHA-256 by name; there are some in recordings of format version 1. `scenario`: Metadata of
-    the campaign's YAML.
+    that steps leave out. `streams`: States and events of each key and epoch. `part`: Metadata `part` of the file read
+    last: its place in the recording. `attachments`: SHA-256 by name; only recordings of format version 1 have some.
+    `scenario`: Metadata of the campaign's YAML.
     """
 
     steps: dict[int, tuple[str, str]] = field(default_factory=dict)
@@ -104,19 +104,19 @@ class Content:
     part: dict[str, str] = field(default_factory=dict)
     messages: int = 0
     _schemas: dict[int, str] = field(default_factory=dict)
-    """Full names of the messages of the file read now, by the schema's number."""
+    """Full message names of the current file by schema number."""
 
     _channels: dict[int, Channel] = field(default_factory=dict)
-    """Channels of the file read now, by number."""
+    """Channels of the current file by number."""
 
     def begin_file(self) -> None:
-        """Forget what holds for one file only."""
+        """Clear the state of a single file."""
         self.part = {}
         self.summary = None
         self._schemas, self._channels = {}, {}
 
     def take(self, record: McapRecord) -> None:
-        """Add a record; raises one of DAMAGE where it is not what a recorder writes."""
+        """Add a record; raises one of DAMAGE if a recorder does not write such a record."""
         match record:
             case Schema():
                 self._schemas[record.id] = record.name
@@ -180,7 +180,7 @@ class Content:
         return sorted(self.steps)
 
     def runs(self, recording: str) -> Runs:
-        """Return the playbacks that were announced, with the blocks that are here."""
+        """Return the announced playbacks with their stored blocks."""
         runs: Runs = {(planned.rig, planned.run): PlannedRun(recording) for planned in self.planned}
         for played in self.played:
             runs.setdefault((played.rig, played.run), PlannedRun(recording)).played = played
@@ -190,7 +190,7 @@ class Content:
         return runs
 
     def summary_now(self, recording: str, *, reason: str) -> Summary:
-        """Return what is to be said at the end of what was read."""
+        """Return the summary of all content read so far."""
         steps = [self.steps[number] for number in self.step_numbers]
         return Summary(
             recording=recording,

@@ -1,4 +1,4 @@
-"""Files of a recording: `<id>.mcap`, `<id>.part02.mcap`, …, and how they are named."""
+"""Files of a recording and their names: `<id>.mcap`, `<id>.part02.mcap`, …."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from duralab_recordings import part_path, parts_beside
 from recorder.refused import RefusedError, invalid
 
 DAMAGED_FOLDER: Final = "damaged"
-"""Beside the recordings: the files as a killed recorder left them, kept when they are repaired."""
+"""Folder beside the recordings: copies of the files that a killed recorder left, made before their repair."""
 
-# An id holds no dot, so no id's first file can be taken for another's second.
+# An id has no dot, so the first file of one id cannot have the name of another id's second file.
 _FILE = re.compile(r"(?P<id>[^.]+)(\.part(?P<number>\d{2,}))?\.mcap")
 
 
@@ -31,7 +31,7 @@ _SUFFIX: Final = {Part.RECORDING: ".mcap", Part.LIVE: ".rrd"}
 
 
 def checked_name(name: str, *, field: str) -> str:
-    """Return the id of a recording if it may be one; it becomes a file name, so nothing else may be in it."""
+    """Return the id of a recording, checked: it becomes a file name, so it may hold no other characters."""
     try:
         return check_id(name)
     except ValueError as error:
@@ -39,7 +39,7 @@ def checked_name(name: str, *, field: str) -> str:
 
 
 def recording_path(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
-    """Return the path of a recording's file, number 1 or higher; the id is checked again where it becomes a path."""
+    """Return the path of a recording's file, number 1 or higher; the id is checked here again."""
     return part_path(folder / (checked_name(name, field="recording") + _SUFFIX[part]), number)
 
 
@@ -53,13 +53,13 @@ def files_of(folder: Path, name: str) -> list[Path]:
 
 
 def files_after_a_gap(folder: Path, name: str) -> list[Path]:
-    """Return the MCAP files of a recording that lie behind a missing one, in their order."""
+    """Return the MCAP files of a recording after a missing file, in their order."""
     known = len(files_of(folder, name))
     return [path for number, path in parts_beside(recording_path(folder, name)).items() if number > known]
 
 
 def recordings_in(folder: Path) -> list[str]:
-    """Return the ids of the recordings in a folder, sorted; other files are passed over."""
+    """Return the ids of the recordings in a folder, sorted; other files are ignored."""
     names = []
     for path in folder.glob(f"*{_SUFFIX[Part.RECORDING]}"):
         match = _FILE.fullmatch(path.name)
@@ -74,7 +74,7 @@ def recordings_in(folder: Path) -> list[str]:
 
 
 def existing_file(folder: Path, name: str, part: Part = Part.RECORDING, *, number: int = 1) -> Path:
-    """Return a file of a recording; NOT_FOUND if there is none, or a link."""
+    """Return a file of a recording; raises NOT_FOUND if it is missing or a link."""
     path = recording_path(folder, name, part, number=number)
     # A link could lead out of the folder.
     if path.is_symlink() or not path.is_file():

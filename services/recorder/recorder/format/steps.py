@@ -1,4 +1,4 @@
-"""The messages that may be committed as steps of a recording: decoded and checked before they reach the log."""
+"""Messages that may be committed as steps of a recording: decoded and checked before they are logged."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ LONGEST_TYPE_NAME: Final = 200
 
 @dataclass(frozen=True)
 class Step:
-    """A committed step whose content was checked; the log keeps the bytes of its payload (SHA-256, hexadecimal)."""
+    """A committed step with checked content; the log keeps its payload unchanged (SHA-256, hexadecimal)."""
 
     number: int
     message: Message
@@ -74,7 +74,7 @@ def _check_description(message: rig_pb2.RigDescription) -> None:
 def _check_model(message: identifier_pb2.Model) -> None:
     lines = from_array(message.frequency, field="frequency", shape=(None,), dtype=np.float64).size
     responses, drives = len(message.responses), len(message.drives)
-    # Lines without excitation hold no estimate, so NaN may stand there.
+    # Lines without excitation hold no estimate: their values may be NaN.
     from_array(message.frf, field="frf", shape=(lines, responses, drives), dtype=np.complex128, finite=False)
     from_array(message.coherence, field="coherence", shape=(lines, responses), dtype=np.float64, finite=False)
 
@@ -86,7 +86,7 @@ _HASH: Final = re.compile("[0-9a-f]{64}")
 
 
 def leaves_samples_out(message: Message) -> TypeGuard[PlaybackStep]:
-    """Return whether a step names the hash of its run's samples only: the run's signal blocks hold them."""
+    """Return whether a step holds only the hash of its run's samples, which are in the run's signal blocks."""
     if isinstance(message, sequencer_pb2.EnduranceRepeat):
         return bool(message.samples_hash)
     return isinstance(message, PlaybackStep) and not message.HasField("response")
@@ -139,7 +139,7 @@ def _check_endurance(message: sequencer_pb2.EnduranceSpec | sequencer_pb2.Endura
 
 def _check_repeat(message: sequencer_pb2.EnduranceRepeat) -> None:
     if message.HasField("statistics"):
-        # The residual is not a number before there is a baseline.
+        # The residual is NaN before a baseline exists.
         from_array(message.statistics, field="statistics", shape=(None, None), dtype=np.float64, finite=False)
     if message.HasField("damage"):
         from_array(message.damage, field="damage", shape=(None,), dtype=np.float64)
@@ -161,7 +161,7 @@ def _check_run_name(run: str) -> None:
 
 
 def _check_left_out(message: PlaybackStep) -> None:
-    """Check what a step says of the run that it leaves its samples to."""
+    """Check the run, hash and block count of a step without samples."""
     _check_run_name(message.run)
     if not _HASH.fullmatch(message.samples_hash):
         raise ArrayError(
@@ -177,7 +177,7 @@ def _check_left_out(message: PlaybackStep) -> None:
 
 
 def _check_samples(message: iterator_pb2.IterationStep | iterator_pb2.ConfirmationStep) -> None:
-    """Check the samples that a step carries, or what it says of the run that it leaves them to."""
+    """Check the samples of a step, or its reference to the run that holds them."""
     shape: tuple[int | None, ...] = (None, None)
     if message.HasField("response"):
         _, _, response = from_record(message.response, field="response")
@@ -218,11 +218,11 @@ _CHECKS: Final[dict[type[Message], Callable[[Any], object]]] = {
 }
 
 STEP_TYPES: Final[dict[str, type[Message]]] = {kind.DESCRIPTOR.full_name: kind for kind in _CHECKS}
-"""Full name to message class, for every message that may be committed."""
+"""Message class by full name, for every message that may be committed."""
 
 
 def decode_step(request: recorder_pb2.CommitRequest) -> Step:
-    """Decode the payload of a commit, of which nothing is trusted, and check it."""
+    """Decode and check the untrusted payload of a commit."""
     kind = STEP_TYPES.get(request.message_type)
     if kind is None:
         raise invalid(

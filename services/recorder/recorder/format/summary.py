@@ -1,6 +1,6 @@
 """Metadata `summary` at the end of each file of a recording: everything stored so far.
 
-It lets a recorder continue with a recording without reading what lies before, and a reader judge what it has read.
+A recorder continues the recording from it without reading earlier files; a reader checks its data against it.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from duralab_proto.v1 import iterator_pb2, recorder_pb2, sequencer_pb2
 from duralab_recordings import DAMAGE, SUMMARY_METADATA, is_finished, last_metadata
 
 MOST_BLOCKS: Final = 2**32
-"""Of one playback: the log keeps 32 bits of a sequence number."""
+"""Largest number of blocks in one playback: the log keeps 32 bits of a sequence number."""
 
 
 def ranges_of(continuity: Continuity) -> list[range]:
-    """Return what was received, as ascending ranges that do not touch."""
+    """Return the received numbers as ascending ranges that do not touch."""
     edges = [0]
     for gap in continuity.missing(continuity.next_seq):
         edges += [gap.start, gap.stop]
@@ -37,7 +37,7 @@ class PlannedRun:
 
     recording: str
     played: recorder_pb2.RunPlayed | None = None
-    # One count for each publisher: a playback that is repeated after a fault has a new epoch.
+    # One count for each publisher: a playback repeated after a fault has a new epoch.
     epochs: dict[int, Continuity] = field(default_factory=dict)
 
     @property
@@ -47,24 +47,24 @@ class PlannedRun:
 
     @property
     def missing(self) -> int:
-        """Number of blocks known to be missing: of all that were announced, or else the gaps seen so far."""
+        """Number of blocks known to be missing: of all announced blocks, or the gaps seen so far."""
         if self.played is not None:
             return sum(len(gap) for gap in self.gaps_of(self.played.epoch, self.played.blocks))
         return sum(continuity.next_seq - continuity.received for continuity in self.epochs.values())
 
     def gaps_of(self, epoch: int, blocks: int) -> list[range]:
-        """Return which of the first `blocks` blocks of an epoch are not stored."""
+        """Return the ranges of the first `blocks` blocks of an epoch that are not stored."""
         return self.epochs.get(epoch, Continuity()).missing(blocks)
 
 
-# Anybody may publish a state under any number of 64 bits, and it is written.
+# Any client may publish a state with any number of 64 bits, and it is written.
 _MOST_NUMBERS: Final = 2**64
 
 Runs = dict[tuple[str, str], PlannedRun]
 """Playbacks by rig and run."""
 
 Streams = dict[tuple[str, int], Continuity]
-"""Which messages of streams other than a playback's are stored, by key and epoch."""
+"""Stored messages of streams other than playbacks, by key and epoch."""
 
 
 _ENDS: Final = {
@@ -76,7 +76,7 @@ _ENDS: Final = {
 
 @dataclass(frozen=True)
 class Story:
-    """Subject of a recording, and its begin in nanoseconds since 1970 UTC; empty or 0 where it is not known."""
+    """Subject of a recording, and its begin in nanoseconds since 1970 UTC; empty or 0 if unknown."""
 
     rig: str = ""
     target: str = ""
@@ -86,12 +86,12 @@ class Story:
     pre_test: iterator_pb2.PreTestVerdict = iterator_pb2.PRE_TEST_VERDICT_UNSPECIFIED
 
     def after(self, step: Message) -> Story:
-        """Return the story with what a step adds to it."""
+        """Return the story with the information of a step added."""
         return replace(self, **_added(step))
 
 
 def _added(step: Message) -> dict[str, Any]:
-    """Return what a step adds to the story."""
+    """Return the fields of the story that a step sets."""
     added: dict[str, Any] = {}
     match step:
         case iterator_pb2.CampaignSpec():
@@ -113,7 +113,7 @@ def _added(step: Message) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Summary:
-    """Summary of a recording at the end of a file: why it ends, what is stored so far, which file continues it.
+    """Summary of a recording at the end of a file: reason of the end, content stored so far, name of the next file.
 
     `step_types`, `step_hashes`: Full name of each step's message, and SHA-256 (hexadecimal) of its payload.
     """
@@ -149,7 +149,7 @@ class Summary:
         return bool(self.step_types) and self.step_types[-1] == recorder_pb2.RecordingClosed.DESCRIPTOR.full_name
 
     def to_metadata(self) -> dict[str, str]:
-        """Return it as the texts of a metadata record."""
+        """Return the summary as the texts of a metadata record."""
         return {
             "recording": self.recording,
             "reason": self.reason,
@@ -169,7 +169,7 @@ class Summary:
 
     @staticmethod
     def from_metadata(entries: Mapping[str, str]) -> Summary:
-        """Return what the texts of a metadata record say; raises one of DAMAGE where they say nothing of the kind."""
+        """Return the summary of a metadata record; raises one of DAMAGE if its texts are not a summary."""
         try:
             return Summary(
                 recording=entries["recording"],
@@ -223,9 +223,9 @@ def _continuity_of(pairs: Iterable[tuple[int, int]], what: str, *, most: int) ->
 
 
 def read_summary(path: Path) -> Summary | None:
-    """Read what a file says about its recording, through its index; None where it says nothing."""
+    """Read the summary of a file through its index; None if it has none."""
     try:
-        # The last one: a file that was repaired may hold one that its recorder did not live to end with.
+        # The last one: a repaired file may also hold a summary whose recorder was killed before it finished the file.
         entries = last_metadata(path, SUMMARY_METADATA) if is_finished(path) else None
         return None if entries is None else Summary.from_metadata(entries)
     except DAMAGE:

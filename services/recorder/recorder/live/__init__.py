@@ -1,6 +1,6 @@
-"""The live view in Rerun: from the streams of a campaign, or from its log.
+"""Live view in Rerun, from the streams of a campaign or from its log.
 
-Rerun is imported with the first name that draws: a recorder is on the bus before.
+Rerun is imported with the first name that draws, so that a recorder joins the bus without waiting for the import.
 """
 
 from __future__ import annotations

@@ -19,34 +19,34 @@ from recorder.live.scene import Outline
 from recorder.live.series import RUN_TIME, Group, channel_path, with_unit
 
 STATUS: Final = "campaign/status"
-"""Document: the phase and the error table."""
+"""Document with the phase and the error table."""
 
 LOG: Final = "campaign/log"
-"""Document: every change of phase and activity with its time, the newest first."""
+"""Document with every change of phase and activity and its time, the newest first."""
 
 ERROR: Final = "error"
-"""Bars per channel and iteration, and the same figures on the timeline `iteration`."""
+"""Bars per channel and iteration; the same figures are on the timeline `iteration`."""
 
 RMS_RESPONSE: Final = "rms_response"
-"""Likewise for the ratio of the response's RMS to the target's."""
+"""Bars and timeline of the ratio of the response's RMS to the target's, as for `ERROR`."""
 
 FRF: Final = "frf"
-"""Drawing: the identified FRF and its coherence."""
+"""Drawing of the identified FRF and its coherence."""
 
 _EYE: Final = np.array([-1.15, -0.95, 0.8])
-"""From behind, the right and above, in radii of what is looked at."""
+"""Position of the camera behind, right of and above the centre, in radii of the outline."""
 
 _NEARER: Final = 0.7
-"""In a panel that is three times as wide as high: rigs are wide."""
+"""Factor of the camera's distance in a panel three times as wide as high: rigs are wide."""
 
 
 @dataclass(frozen=True)
 class Stage:
     """Subject of a campaign for the layout.
 
-    `campaign`: Its name. `drives`, `responses`: In the rig's order. `detail`: Start and end of the stretch that the
-    first tab shows magnified, in seconds. `duration`: Length of the target, in seconds. `outline`: Where the rig is;
-    None where it has no looks. `watched`: Whether somebody watches while it happens.
+    `campaign`: Its name. `drives`, `responses`: In the rig's order. `detail`: Start and end of the segment that the
+    first tab magnifies, in seconds. `duration`: Length of the target, in seconds. `outline`: Outline of the rig; None
+    if the rig has no shapes. `watched`: Whether a viewer is connected during the campaign.
     """
 
     campaign: str
@@ -80,7 +80,7 @@ def _shown(start: rrb.TimeRangeBoundary, end: rrb.TimeRangeBoundary) -> rrb.Time
 
 
 def _from_to(start: float, end: float) -> rrb.TimeAxis:
-    """Return a stretch in seconds: what is not told to stay would run along with the time that is shown."""
+    """Return the axis of a fixed segment in seconds; relative bounds would move with the time cursor."""
     return _shown(rrb.TimeRangeBoundary.absolute(seconds=start), rrb.TimeRangeBoundary.absolute(seconds=end))
 
 
@@ -98,7 +98,7 @@ def _plots(
                 origin=channel_path(group, channel.name),
                 name=with_unit(channel),
                 axis_x=axis,
-                # One is enough for the colours; a legend lists every playback and hides a quarter of its plot.
+                # One legend is enough for the colours; it lists every playback and hides a quarter of its plot.
                 plot_legend=rrb.PlotLegend(rrb.Corner2D.LeftTop, visible=legend and place == 0),
             )
             for place, channel in enumerate(channels)
@@ -126,7 +126,7 @@ def make_blueprint(stage: Stage) -> rrb.Blueprint:
         rig = [_rig_view(RIG_NOW if stage.watched else RIG, stage.outline, name="Rig", distance=_NEARER)]
         rig_tab = [_rig_tab(stage.outline, watched=stage.watched)]
     on_target = rrb.Horizontal(
-        # The text beside it says which colour is what.
+        # The text beside it explains the colours.
         _plots(Group.RESPONSE, stage.responses, name="Response on target", axis=_from_to(start, end), legend=False),
         rrb.Vertical(
             *rig,
@@ -144,7 +144,7 @@ def make_blueprint(stage: Stage) -> rrb.Blueprint:
             *rig_tab,
             _plots(Group.RESPONSE, stage.responses, name="Whole run (in band)", axis=whole),
             _plots(Group.DRIVE, stage.drives, name="Drives and their limits", axis=whole),
-            # An identification takes longer than the target.
+            # An identification takes longer than the target: show the whole range.
             _plots(Group.MEASURED, stage.responses, name="As measured (while it plays)", axis=everything),
             rrb.Spatial2DView(
                 origin=FRF,
@@ -157,7 +157,7 @@ def make_blueprint(stage: Stage) -> rrb.Blueprint:
         ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
-        # The newest playback again and again, at its own pace: the rig moves without a click.
+        # The newest playback repeats in real time: the rig moves without a click.
         rrb.TimePanel(
             state="collapsed",
             timeline=RUN_TIME,

@@ -1,6 +1,6 @@
-"""Axes, grids and labels of drawings that need axes of their own, because what they show is no time series.
+"""Axes, grids and labels of drawings that are not time series.
 
-Everything is placed on a canvas in pixels with y downwards, as the viewer's two-dimensional views want it.
+Positions are in pixels of a canvas with y downwards, as in the viewer's two-dimensional views.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _LABEL: Colour = (150, 150, 150)
 _LABEL_DROP = 12.0
 
 CANVAS: Final = (1600.0, 1000.0)
-"""Width and height."""
+"""Width and height of the canvas in pixels."""
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class Axes:
     """A rectangle of the canvas with a logarithmic frequency axis.
 
     `left`, `top`, `width`, `height`: Place on the canvas. `frequencies`: Ends of the frequency axis, in hertz, greater
-    than 0. `values`: Ends of the value axis: of log10(value) where `decades`, else of the value itself. `decades`:
-    Whether the value axis is logarithmic.
+    than 0. `values`: Ends of the value axis, as log10(value) if `decades`. `decades`: Whether the value axis is
+    logarithmic.
     """
 
     left: float
@@ -44,7 +44,7 @@ class Axes:
     decades: bool
 
     def place(self, frequency: np.ndarray, value: np.ndarray) -> Strip:
-        """Return where points fall on the canvas; values of 0 on a logarithmic axis are NaN."""
+        """Return the positions of points on the canvas; values of 0 on a logarithmic axis are NaN."""
         low, high = np.log10(self.frequencies)
         x = self.left + self.width * (np.log10(frequency) - low) / (high - low)
         scaled = np.log10(np.where(value > 0, value, np.nan)) if self.decades else value
@@ -55,7 +55,7 @@ class Axes:
 
 @dataclass
 class Drawing:
-    """Lines and labels, collected."""
+    """Collection of lines and labels."""
 
     strips: list[Strip] = field(default_factory=list)
     strip_colours: list[Colour] = field(default_factory=list)
@@ -65,7 +65,7 @@ class Drawing:
     label_colours: list[Colour] = field(default_factory=list)
 
     def line(self, strip: Strip, *, colour: Colour, width: float) -> None:
-        """Add a line, broken where its points are not finite."""
+        """Add a line, interrupted at points that are not finite."""
         finite = np.asarray(np.isfinite(strip).all(axis=1))
         for piece in np.split(np.arange(len(strip)), np.flatnonzero(np.diff(finite)) + 1):
             if len(piece) > 1 and finite[piece[0]]:
@@ -74,8 +74,8 @@ class Drawing:
                 self.strip_widths.append(width)
 
     def label(self, x: float, y: float, text: str, *, colour: Colour = _LABEL) -> None:
-        """Add a text with its centre at a place."""
-        # The viewer hangs a label below its point.
+        """Add a text centred at a position."""
+        # The viewer draws a label below its point.
         self.label_places.append((x, y - _LABEL_DROP))
         self.labels.append(text)
         self.label_colours.append(colour)

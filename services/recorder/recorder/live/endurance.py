@@ -1,4 +1,4 @@
-"""An endurance test in the live view: trend curves over the repeats, damage, alarms, and what the test waits with."""
+"""Live view of an endurance test: trends over the repeats, damage, alarms and hold points."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ REPEAT: Final = "repeat"
 """Timeline of the trends: number of the repeat in the schedule, from 0."""
 
 DAMAGE: Final = "damage"
-"""Damage counted so far of each channel."""
+"""Damage counted so far for each channel."""
 
 _RESIDUAL: Final = "residual"
 _TRENDS: Final = ("rms", "min", "max", _RESIDUAL)
-"""What is drawn of each channel: columns of the statistics, and the residual of all bands together."""
+"""Curves of each channel: columns of the statistics, and the residual of all bands together."""
 
 _TITLES: Final = {
     "rms": "RMS",
@@ -46,13 +46,13 @@ EnduranceStep = (
     | sequencer_pb2.EnduranceDecision
     | sequencer_pb2.EnduranceStatus
 )
-"""Steps that have a picture."""
+"""Steps that are drawn."""
 
 
 class EnduranceDrawing:
     """Live view of one recording of an endurance test.
 
-    `stream`: Of the view.
+    `stream`: Stream of the view.
     """
 
     def __init__(self, stream: rr.RecordingStream) -> None:
@@ -69,11 +69,11 @@ class EnduranceDrawing:
 
     @property
     def begun(self) -> bool:
-        """Whether the recording is that of an endurance test."""
+        """Whether the recording is one of an endurance test."""
         return self._volume is not None
 
     def show(self, step: EnduranceStep) -> None:
-        """Draw a committed step; repeats wait a moment for those that follow."""
+        """Draw a committed step; repeats are collected shortly and drawn together."""
         match step:
             case sequencer_pb2.EnduranceSpec():
                 self._planned = [
@@ -93,7 +93,7 @@ class EnduranceDrawing:
                 self._say(f"**{step.activity}**" + (f": {step.fault.message}" if step.HasField("fault") else ""))
 
     def show_rig(self, description: rig_pb2.RigDescription) -> None:
-        """Lay the view out for the channels of a rig; without a volume it is not that of an endurance test."""
+        """Lay out the view for the channels of a rig; without a volume the recording is not an endurance test."""
         if self._volume is None or self._damage is not None:
             return
         self._channels = description.responses
@@ -114,7 +114,7 @@ class EnduranceDrawing:
         self._say("")
 
     def draw(self) -> None:
-        """Draw the repeats that wait."""
+        """Draw the collected repeats."""
         repeats = self._pending.take()
         if not repeats or self._volume is None or self._damage is None:
             return
@@ -129,7 +129,7 @@ class EnduranceDrawing:
 
     def _take(self, step: sequencer_pb2.EnduranceRepeat) -> None:
         if step.repeat <= self._last:
-            # Once from the log and once as it came, where a view begins while its recording is written.
+            # A view that begins while its recording is written gets a step twice: from the log and from the stream.
             return
         self._last = step.repeat
         self._alarms.extend(step.alarms)
@@ -161,7 +161,7 @@ class EnduranceDrawing:
                     self._send(path, [numbers[place] for place in raised], values[raised, row])
 
     def _draw_damage(self, repeats: list[sequencer_pb2.EnduranceRepeat]) -> None:
-        """Draw the damage after each repeat, as a share of that of the whole schedule where it is known."""
+        """Draw the damage after each repeat, as a share of the damage of the whole schedule if that is known."""
         assert self._damage is not None  # of `draw`
         each = np.array(
             [
@@ -182,7 +182,7 @@ class EnduranceDrawing:
                 self._send(path, numbers, 100.0 * counted[:, row] / self._whole[row])
 
     def _whole_damage(self) -> np.ndarray | None:
-        """Return the damage of the whole schedule: as planned, else by the mean of the repeats measured before."""
+        """Return the damage of the whole schedule: as planned, or from the mean of the repeats measured before."""
         assert self._volume is not None  # of `show_rig`
         events = [event for event in self._volume.events if event.planned]
         if self._planned and len(self._planned) == len(self._volume.events):
@@ -208,7 +208,7 @@ class EnduranceDrawing:
         self._stream.log(path, rr.SeriesLines(names=name, colors=colour, widths=1.2), static=True)
 
     def _say(self, said: str) -> None:
-        """Write how far the test is, and what it waits with or how it ended."""
+        """Write the progress of the test, and why it waits or how it ended."""
         self._said = said
         if self._volume is None:
             return

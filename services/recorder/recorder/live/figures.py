@@ -26,7 +26,7 @@ def draw_figures(stream: rr.RecordingStream, iterations: Sequence[iterator_pb2.I
     numbers = np.array([float(metrics.iteration) for metrics in iterations])
     bar = 0.8 / max(1, len(names))
     for row, name in enumerate(names):
-        # A channel that an iteration does not judge has no bar there.
+        # A channel that an iteration does not judge has no bar for it.
         of_channel = [next((c for c in m.channels if c.channel == name), None) for m in iterations]
         path = rr.escape_entity_path_part(name)
         for figure, field in ((ERROR, "relative_rms_error"), (RMS_RESPONSE, "rms_response")):

@@ -13,7 +13,7 @@ from recorder.live.series import Colour, colour_of
 
 _HEADER: Final = 50.0
 _LEFT, _RIGHT = 74.0, 20.0
-# Shares of a response's height: where each panel begins and how high it is.
+# Start and height of each panel as shares of a response's height.
 _MAGNITUDE, _PHASE, _COHERENCE = (0.08, 0.40), (0.53, 0.17), (0.75, 0.12)
 _COHERENCE_COLOUR: Final[Colour] = (225, 225, 225)
 _STRONG, _WEAK = 2.0, 0.7
@@ -83,10 +83,10 @@ def _label_panels(drawing: Drawing, response: str, below: tuple[Axes, Axes], mid
 
 
 def _strongest(frf: np.ndarray, drive_ranges: Sequence[float]) -> int:
-    """Return the drive that moves a response most over the band, each at its whole range; `frf` is (lines, drives)."""
+    """Return the drive with the largest effect on a response over the band at full range; `frf` is (lines, drives)."""
     finite = np.where(np.isfinite(frf), np.abs(frf), 0.0)
     weight = np.array([scale if math.isfinite(scale) and scale > 0 else 1.0 for scale in drive_ranges])
-    # The median: one resonance does not make a drive the strongest of the band.
+    # The median, so that one resonance does not decide.
     return int(np.argmax(np.median(finite, axis=0) * weight))
 
 
@@ -102,14 +102,14 @@ def _draw_magnitude(drawing: Drawing, axes: Axes, frequency: np.ndarray, frf: np
     low, high = axes.values
     ticks = [10.0**decade for decade in range(int(low), int(high) + 1)]
     draw_axes(drawing, axes, value_ticks=ticks, frequency_labels=False)
-    # The broad one last, over the others.
+    # The broad line last, over the others.
     for drive in sorted(range(frf.shape[1]), key=lambda index: index == strongest):
         width = _STRONG if drive == strongest else _WEAK
         drawing.line(axes.place(frequency, np.abs(frf[:, drive])), colour=colour_of(drive), width=width)
 
 
 def _phase(axes: Axes, frequency: np.ndarray, frf: np.ndarray) -> Strip:
-    """Return the phase in degrees as a strip, broken where it jumps from one end of the panel to the other."""
+    """Return the phase in degrees as a strip, interrupted where it wraps from one end of the panel to the other."""
     phase = np.degrees(np.angle(np.where(np.isfinite(frf), frf, np.nan)))
     jumps = np.flatnonzero(np.abs(np.diff(phase)) > 180.0) + 1
     return axes.place(np.insert(frequency, jumps, np.nan), np.insert(phase, jumps, np.nan))

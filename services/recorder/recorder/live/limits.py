@@ -1,4 +1,4 @@
-"""The limits of the drives in the live view: two lines around each drive, as long as what is drawn between them."""
+"""Limits of the drives in the live view: two lines around each drive, as long as the drawn signal."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from duralab_proto.v1 import array_pb2
 from recorder.live.series import LIMIT_COLOUR, RUN_TIME, Group, channel_path
 
 _NAMES: Final = ("lower limit", "upper limit")
-# A viewer draws no line to a point outside of the stretch that it shows.
+# A viewer draws no line to a point outside of the shown segment.
 _SPACING_SECONDS: Final = 1.0
 _MOST_POINTS: Final = 100_000
 
@@ -21,7 +21,7 @@ _MOST_POINTS: Final = 100_000
 class DriveLimits:
     """Draws the limits of a rig's drives.
 
-    `stream`: Where they are drawn. `drives`: A drive without two finite limits, the lower one below the upper one, has
+    `stream`: Stream to draw into. `drives`: A drive without two finite limits, the lower one below the upper one, has
     no lines.
     """
 
@@ -35,9 +35,9 @@ class DriveLimits:
             self._send(drive, [0.0])
 
     def reach(self, end: float) -> None:
-        """Lengthen the lines to a time of the run, in seconds; they are never shortened."""
+        """Extend the lines to a time of the run, in seconds; they are never shortened."""
         if end > self._end:
-            # Whatever time a block claims to be of: a point a second of what is shown, but no more than can be.
+            # A block may claim any time: one point per second, but not more than `_MOST_POINTS`.
             spacing = max(_SPACING_SECONDS, (end - self._end) / _MOST_POINTS)
             between = np.arange(self._end + spacing, end, spacing)
             self._end = end
@@ -58,5 +58,5 @@ def _is_limited(drive: array_pb2.Channel) -> bool:
 
 
 def _path(drive: array_pb2.Channel) -> str:
-    # Curves are drawn in the order of their paths: the digit puts the limits beneath the drive.
+    # Curves are drawn in the order of their paths: the digit puts the limits below the drive.
     return f"{channel_path(Group.DRIVE, drive.name)}/" + rr.escape_entity_path_part("0 limits")

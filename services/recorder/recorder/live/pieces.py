@@ -1,4 +1,4 @@
-"""Pieces of what comes in, drawn together: a hundred samples at a time cost the viewer ten times as much."""
+"""Pieces of received data that are drawn together: drawing 100 samples at a time costs the viewer ten times as much."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Final, Generic, TypeVar
 
 PIECE_SECONDS: Final = 0.5
-"""Longest that something waits to be drawn, by the clock of who watches: a simulated rig plays two minutes in it."""
+"""Longest wait of data to be drawn, in wall-clock seconds: a simulated rig plays two minutes in this time."""
 
 ItemT = TypeVar("ItemT")
 

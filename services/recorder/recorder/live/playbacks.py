@@ -1,8 +1,8 @@
 """Name of a playback in the live view: iteration and attempt.
 
-A motion that a crash broke off is asked for again under a new run name: `<id>.i02-2` after `<id>.i02`. What is drawn
-cannot be taken back and nobody knows beforehand that an attempt will fail, so each attempt has curves of its own; the
-legend's plain name goes to the newest one.
+A motion that a crash interrupted is requested again under a new run name: `<id>.i02-2` after `<id>.i02`. Curves cannot
+be removed once drawn, and a failure is not known beforehand, so each attempt has separate curves; the legend's plain
+name is that of the newest attempt.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ _ITERATION = re.compile(r"i(?P<number>\d{1,6})(-(?P<attempt>\d{1,6}))?")
 
 @dataclass(frozen=True)
 class Playback:
-    """A playback, as the view names it.
+    """A playback and its name in the view.
 
-    `name`: In the legend: "iteration 02", or the run's own name within its campaign. `attempt`: From 1. `is_iteration`:
-    Whether the target's drive is played.
+    `name`: Name in the legend: "iteration 02", or the run's name within its campaign. `attempt`: From 1.
+    `is_iteration`: Whether the target's drive is played.
     """
 
     name: str
@@ -27,22 +27,22 @@ class Playback:
 
     @property
     def entity(self) -> str:
-        """The last part of its curves' paths: "iteration 02", and "iteration 02-2" for the second attempt."""
+        """Last part of its curves' paths: "iteration 02", and "iteration 02-2" for the second attempt."""
         return self.name if self.attempt == 1 else f"{self.name}-{self.attempt}"
 
     def repeats(self, other: Playback) -> bool:
-        """Whether it is another attempt at the same."""
+        """Return whether it is another attempt at the same playback."""
         return self.name == other.name and self.attempt != other.attempt
 
 
 def playback_of(run: str, *, recording: str) -> Playback:
-    """Return what a run is called."""
+    """Return the playback of a run."""
     own = run.removeprefix(f"{recording}.")
     match = _ITERATION.fullmatch(own)
     return Playback(own) if match is None else iteration(int(match["number"]), attempt=int(match["attempt"] or 1))
 
 
 def iteration(number: int, *, attempt: int = 1) -> Playback:
-    """Return what an attempt at an iteration is called."""
-    # Two digits, because the viewer sorts by letters.
+    """Return the playback of an attempt at an iteration."""
+    # Two digits, because the viewer sorts alphabetically.
     return Playback(f"iteration {number:02d}", attempt, is_iteration=True)

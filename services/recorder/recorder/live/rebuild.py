@@ -1,4 +1,4 @@
-"""Live view of a recorded log, made by the same code as during recording, in the order of the log."""
+"""Live view rebuilt from a recorded log, in the order of the log, by the code that draws during recording."""
 
 from __future__ import annotations
 
@@ -50,21 +50,21 @@ SHOWN: Final[dict[str, type[Message]]] = {
         sequencer_pb2.EnduranceVolume,
     )
 }
-"""Messages that the view has a picture of, by the names of their schemas."""
+"""Messages that the view draws, by the names of their schemas."""
 
 _NANOSECONDS: Final = 1e9
 _DATA_END_BYTES: Final = 4
 
 
 class UnreadableFileError(Exception):
-    """A file is damaged or no recording's; its text says which and what to do, without a full stop."""
+    """A file that is damaged or not part of a recording; its text states which and the remedy, without a full stop."""
 
 
 @dataclass
 class Shown:
     """Shown part of a recording.
 
-    `messages`: How many of them have a picture. `cut`: Files without an end, which are shown as far as they are whole.
+    `messages`: Number of drawn messages. `cut`: Files without an end, which are shown up to the first damage.
     """
 
     messages: int = 0
@@ -72,12 +72,12 @@ class Shown:
 
 
 def show_log(view: LiveView, files: Sequence[Path]) -> Shown:
-    """Show what a recording holds, with all checksums, files of a killed recorder as far as they are whole.
+    """Show the content of a recording and verify all checksums; files of a killed recorder are shown as far as whole.
 
-    `view`: Where it is shown. `files`: The recording's, in their order.
-    Returns: How much it was.
-    Raises `UnreadableFileError`: A file is damaged or no recording's; what lies before the damage is shown. `OSError`:
-    A file cannot be read.
+    `view`: View to draw into. `files`: Files of the recording, in their order.
+    Returns: Amount of what was shown.
+    Raises `UnreadableFileError`: A file is damaged or not a recording's; the data before the damage is shown.
+    `OSError`: A file cannot be read.
     """
     shown = Shown()
     for path in files:
@@ -102,12 +102,12 @@ def show_log(view: LiveView, files: Sequence[Path]) -> Shown:
 
 
 def recording_of(files: Sequence[Path]) -> str:
-    """Return the id of the recording that the files hold; where they name none, the first file's name.
+    """Return the id of the recording that the files hold; if they name none, the first file's name.
 
-    `files`: The recording's, in their order.
+    `files`: Files of the recording, in their order.
     Returns: Id of the recording.
-    Raises `UnreadableFileError`: A file is damaged, or no recording's, before it names its recording. `OSError`: A file
-    cannot be read.
+    Raises `UnreadableFileError`: A file is damaged, or not a recording's, before it names its recording.
+    `OSError`: A file cannot be read.
     """
     for path in files:
         try:
@@ -128,7 +128,7 @@ def _named_in(path: Path) -> str:
                     case iterator_pb2.CampaignSpec() as specification, _ if specification.id:
                         return specification.id
         except (EndOfFile, ZerosError, struct.error):
-            # Of a killed recorder; `show_log` tells whether it is that.
+            # The file of a killed recorder; `show_log` reports any damage.
             return ""
     return ""
 
@@ -148,14 +148,14 @@ def _show(view: LiveView, message: Message, at: datetime) -> None:
 
 
 class _Decoder:
-    """Decodes those messages of one file that have a picture."""
+    """Decodes the messages of one file that the view draws."""
 
     def __init__(self) -> None:
         self._schemas: dict[int, str] = {}
         self._kinds: dict[int, type[Message] | None] = {}
 
     def decode(self, record: McapRecord) -> tuple[Message, datetime] | None:
-        """Return the message of a record and when it was stored."""
+        """Return the message of a record and the time when it was stored."""
         match record:
             case Schema():
                 self._schemas[record.id] = record.name
@@ -169,13 +169,13 @@ class _Decoder:
 
 
 def _check_end(path: Path, found: Unfinished) -> None:
-    """Raise one of DAMAGE where a finished file was not read up to its end, or is not what was written."""
+    """Raise one of DAMAGE if a finished file was not read up to its end, or differs from what was written."""
     with path.open("rb") as stream:
         stream.seek(found.end)
         data = ReadDataStream(stream)
         if (data.read1(), data.read8()) != (Opcode.DATA_END, _DATA_END_BYTES):
             raise McapError(f"the record at byte {found.end} is not what was written")
-        # 0 where its writer worked none out.
+        # 0 if the writer computed no checksum.
         if DataEnd.read(data).data_section_crc not in (0, found.crc):
             raise McapError("its checksum does not match its contents")
 

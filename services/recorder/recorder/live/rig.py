@@ -1,4 +1,4 @@
-"""The rig of the live view: solids and lines that move with the poses of its bodies."""
+"""Drawing of the rig in the live view: solids and lines that move with the poses of its bodies."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from recorder.live.scene import Outline, Placed, Scene, line_ends, outline_of, s
 from recorder.live.series import RUN_TIME, Colour
 
 RIG: Final = "rig"
-"""Where the rig stands in the viewer's tree: as it was in the newest playback, at the time that is shown."""
+"""Path of the rig in the viewer's tree, as in the newest playback at the shown time."""
 
 RIG_NOW: Final = "rig_now"
-"""Likewise, as it is now, whatever time is shown."""
+"""Path of the rig as it is now, independent of the shown time."""
 
 ROLE_COLOURS: Final[dict[int, Colour]] = {
     rig_pb2.SHAPE_ROLE_SPECIMEN: (110, 160, 215),
@@ -45,8 +45,8 @@ _ROD_RADIUS: Final = 0.008
 class RigDrawing:
     """Draws one rig into a stream of the viewer.
 
-    `stream`: Where it is drawn. `scene`: What it looks like. `now`: Whether somebody watches: then the rig is drawn as
-    it is now as well.
+    `stream`: Stream to draw into. `scene`: Shapes of the rig. `now`: Whether a viewer is connected: then the rig is
+    also drawn as it is now.
     """
 
     def __init__(self, stream: rr.RecordingStream, scene: Scene, *, now: bool) -> None:
@@ -72,7 +72,7 @@ class RigDrawing:
         return outline_of(self._scene)
 
     def show(self, block: rig_pb2.PoseBlock, *, on_run_time: bool) -> None:
-        """Move the rig; poses of playbacks are drawn half a second's worth at a time, `catch_up` draws what waits."""
+        """Move the rig; poses of playbacks are drawn in pieces of half a second, `catch_up` draws the waiting ones."""
         time = from_array(block.time, field="time", shape=(None,), dtype=np.float64)
         poses = from_array(block.poses, field="poses", shape=(len(time), self._scene.bodies, 7)).astype(float)
         if not len(time):
@@ -80,7 +80,7 @@ class RigDrawing:
         if on_run_time:
             last = self._pending.last
             if last is not None and time[0] <= last[1][-1]:
-                # Of another playback: it replaces the poses of this one.
+                # Poses of another playback replace those of this one.
                 self.catch_up()
             self._pending.add((poses, time))
             if self._pending.due:
@@ -89,12 +89,12 @@ class RigDrawing:
             self._place_now(poses[-1:])
 
     def catch_up(self) -> None:
-        """Draw the poses that wait to be drawn together."""
+        """Draw the waiting poses together."""
         if pending := self._pending.take():
             self._move(np.concatenate([poses for poses, _ in pending]), np.concatenate([time for _, time in pending]))
 
     def _draw_forms(self, root: str) -> None:
-        """Send what does not change: sizes, colours and names."""
+        """Send the constant parts: sizes, colours and names."""
         log = self._stream.log
         log(root, rr.ViewCoordinates.FLU, static=True)
         if self._boxes:
@@ -138,7 +138,7 @@ class RigDrawing:
             log(f"{root}/lines", form, static=True)
 
     def _cylinders_by_fill(self) -> list[tuple[str, list[Placed]]]:
-        # One sees the piston through what stands around it.
+        # The cylinder around a piston is drawn as a wireframe, so that the piston is visible.
         around = [solid for solid in self._cylinders if solid.role == rig_pb2.SHAPE_ROLE_CYLINDER]
         filled = [solid for solid in self._cylinders if solid.role != rig_pb2.SHAPE_ROLE_CYLINDER]
         return [(name, solids) for name, solids in (("cylinders", filled), ("actuator_cylinders", around)) if solids]
@@ -149,7 +149,7 @@ class RigDrawing:
         return [group for group in groups if group[1]]
 
     def _move(self, poses: np.ndarray, time: np.ndarray) -> None:
-        """Put the rig where it was at times of the newest playback."""
+        """Move the rig to its poses at times of the newest playback."""
         every = with_world(poses)
         index = [rr.TimeColumn(RUN_TIME, duration=time)]
         for name, solids, kind in self._groups():
@@ -167,7 +167,7 @@ class RigDrawing:
             self._stream.send_columns(f"{RIG}/lines", index, columns.partition([len(self._scene.lines)] * len(time)))
 
     def _place_now(self, poses: np.ndarray) -> None:
-        """Put the rig where it is; what is static is shown at once, and only the newest of it is kept."""
+        """Move the rig to its present pose; static data is shown at once, and the viewer keeps only the newest."""
         every = with_world(poses)
         for name, solids, kind in self._groups():
             centres, quaternions = solid_poses(every, solids)
@@ -193,5 +193,5 @@ def _looks(solids: list[Placed]) -> dict[str, Any]:
 
 
 def _last_first(quaternions: np.ndarray) -> np.ndarray:
-    """Return quaternions x, y, z, w, as the viewer has them, of w, x, y, z."""
+    """Convert quaternions w, x, y, z to the viewer's order x, y, z, w."""
     return np.roll(quaternions, -1, axis=-1)

@@ -13,10 +13,10 @@ from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.v1 import rig_pb2
 
 STAND_STILL: Final = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
-"""The world's own pose."""
+"""Pose of the world."""
 
 SMALLEST_RADIUS: Final = 0.1
-"""Of an outline, in m: one does not look from within."""
+"""Smallest radius of an outline, in m: the camera must stay outside of the rig."""
 
 Solid: TypeAlias = rig_pb2.BoxShape | rig_pb2.CylinderShape | rig_pb2.SphereShape | rig_pb2.MeshShape
 
@@ -25,7 +25,7 @@ Solid: TypeAlias = rig_pb2.BoxShape | rig_pb2.CylinderShape | rig_pb2.SphereShap
 class Placed:
     """A solid on a body.
 
-    `name`: Its name. `role`: Value of `duralab.v1.ShapeRole`. `body`: Place of its body in the poses; the number of
+    `name`: Its name. `role`: Value of `duralab.v1.ShapeRole`. `body`: Index of its body in the poses; the number of
     bodies for the world. `pose`, shape (7): Shape to body: metres, then the unit quaternion w, x, y, z. `solid`: Its
     form and sizes.
     """
@@ -53,7 +53,7 @@ class Line:
 class Scene:
     """Drawing of a rig.
 
-    `bodies`: How many poses there are for an instant. `rest`, shape (bodies, 7): Poses at rest.
+    `bodies`: Number of poses at each instant. `rest`, shape (bodies, 7): Poses at rest.
     """
 
     bodies: int
@@ -64,14 +64,14 @@ class Scene:
 
 @dataclass(frozen=True)
 class Outline:
-    """Centre (3,) and radius of a ball around the rig at rest, in m: where to look from."""
+    """Centre (3,) and radius of a ball around the rig at rest, in m, for the position of the camera."""
 
     centre: np.ndarray
     radius: float
 
 
 def outline_of(scene: Scene) -> Outline:
-    """Return what holds all solids, whichever way they are turned, and the ends of all lines at rest."""
+    """Return a ball that holds all solids, in any orientation, and the ends of all lines at rest."""
     poses = with_world(scene.rest[None])
     points = [np.zeros((0, 3))]
     if scene.solids:
@@ -99,7 +99,7 @@ def _reach(solid: Solid) -> float:
 
 
 def read_scene(description: rig_pb2.RigDescription) -> Scene | None:
-    """Return what a rig's description says of its looks, checked; None where it says nothing."""
+    """Return the checked scene of a rig's description; None if it describes no shapes."""
     if not description.bodies or not (description.shapes or description.links):
         return None
     places = {name: place for place, name in enumerate(description.bodies)} | {"": len(description.bodies)}
@@ -156,18 +156,18 @@ def _body(name: str, places: Mapping[str, int], field: str) -> int:
 
 
 def with_world(poses: np.ndarray) -> np.ndarray:
-    """Put the world's own pose behind those of the bodies."""
+    """Append the pose of the world to those of the bodies."""
     return np.concatenate([poses, np.broadcast_to(STAND_STILL, (len(poses), 1, 7))], axis=1)
 
 
 def turned(quaternions: np.ndarray, vectors: np.ndarray) -> np.ndarray:
-    """Turn vectors."""
+    """Rotate vectors by unit quaternions."""
     w, axis = quaternions[..., :1], quaternions[..., 1:]
     return vectors + 2.0 * np.cross(axis, np.cross(axis, vectors) + w * vectors)
 
 
 def chained(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
-    """Multiply quaternions: `inner` turns first, then `outer`."""
+    """Multiply quaternions: `inner` rotates first, then `outer`."""
     w, v = outer[..., :1], outer[..., 1:]
     x, u = inner[..., :1], inner[..., 1:]
     real = w * x - np.sum(v * u, axis=-1, keepdims=True)
@@ -175,14 +175,14 @@ def chained(outer: np.ndarray, inner: np.ndarray) -> np.ndarray:
 
 
 def solid_poses(poses: np.ndarray, solids: Sequence[Placed]) -> tuple[np.ndarray, np.ndarray]:
-    """Return where solids are."""
+    """Return the centres and quaternions of solids in the world."""
     on = poses[:, [solid.body for solid in solids]]
     own = np.broadcast_to(np.array([solid.pose for solid in solids]).reshape(len(solids), 7), on.shape)
     return on[..., :3] + turned(on[..., 3:], own[..., :3]), chained(on[..., 3:], own[..., 3:])
 
 
 def line_ends(poses: np.ndarray, lines: Sequence[Line]) -> np.ndarray:
-    """Return where lines begin and end."""
+    """Return the two end points of lines in the world."""
     bodies = [[line.body_a, line.body_b] for line in lines]
     points = np.array([[line.point_a, line.point_b] for line in lines])
     on = poses[:, bodies]

@@ -1,8 +1,8 @@
-"""The curves of the live view: where each one stands in the viewer's tree, and how it looks.
+"""Curves of the live view: their paths in the viewer's tree, and their style.
 
-A time series of the viewer cannot be taken back, so each playback has entities of its own:
-`<group>/<channel>/<playback>` on the timeline `run_time`. What changes with a new playback is only the look of the
-earlier ones: they are hidden, and a click in the legend brings them back.
+Data of a viewer's time series cannot be removed, so each playback has separate entities:
+`<group>/<channel>/<playback>` on the timeline `run_time`. A new playback changes only the style of the earlier ones:
+they are hidden, and a click in the legend shows them again.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ RUN_TIME: Final = "run_time"
 """Timeline of all signals: time since the start of the playback."""
 
 ITERATION: Final = "iteration"
-"""Timeline of the figures, which the bar charts show as well."""
+"""Timeline of the figures, which are also shown as bar charts."""
 
 TARGET: Final = Playback("0 target")
-"""Playback of the curve that every response is held against. Curves are drawn in the order of their paths: the digit
-puts the target beneath the responses, where its broad line stays visible on both sides of them."""
+"""Playback of the target's curve, which every response is compared with. Curves are drawn in the order of their paths:
+the digit puts the target below the responses, where its broad line stays visible on both sides of them."""
 
 Colour: TypeAlias = tuple[int, int, int]
 
@@ -48,9 +48,9 @@ class Group(Enum):
     """Kind of a curve's signal; the first part of its path."""
 
     RESPONSE = "response"
-    """In the control band, as it is judged against the target."""
+    """Response in the control band, compared with the target."""
     MEASURED = "measured"
-    """As the sensors gave it, while it plays."""
+    """Response as measured, drawn during the playback."""
     DRIVE = "drive"
 
 
@@ -62,15 +62,15 @@ class Look(Enum):
     FIRST = "first"
     EARLIER = "earlier"
     REPEATED = "repeated"
-    """Of an attempt after which another one came."""
+    """An attempt that was followed by another attempt."""
 
 
 @dataclass(frozen=True)
 class Curve:
     """One curve of one playback.
 
-    `group`: What it is. `channel`: Name of the channel, as the rig describes it. `playback`: `TARGET`, or a playback of
-    the campaign.
+    `group`: Kind of its signal. `channel`: Name of the channel in the rig's description. `playback`: `TARGET`, or a
+    playback of the campaign.
     """
 
     group: Group
@@ -79,13 +79,13 @@ class Curve:
 
     @property
     def path(self) -> str:
-        """Its entity path; names from outside are escaped, so that none of them can add levels to the tree."""
+        """Entity path; names are escaped, so that none of them can add levels to the tree."""
         return f"{self.group.value}/{rr.escape_entity_path_part(self.channel)}/" + rr.escape_entity_path_part(
             self.playback.entity
         )
 
     def style(self, look: Look) -> rr.SeriesLines:
-        """Return how it is drawn: name, colour, width, and whether before a click in the legend."""
+        """Return the style of the curve: name, colour, width, and whether it is visible without a click."""
         name = self.playback.name
         match look:
             case Look.TARGET:
@@ -102,7 +102,7 @@ class Curve:
 
 
 def _line(**look: Any) -> rr.SeriesLines:
-    # Where a pixel covers several samples the viewer draws their average, unless told: peaks stand too low then.
+    # By default the viewer averages the samples of a pixel, which lowers the peaks.
     return rr.SeriesLines(aggregation_policy=rr.components.AggregationPolicy.MinMax, **look)
 
 
@@ -117,5 +117,5 @@ def with_unit(channel: array_pb2.Channel) -> str:
 
 
 def colour_of(index: int) -> Colour:
-    """Return the colour of the channel at a place in its rig's order."""
+    """Return the colour of the channel with an index in its rig's order."""
     return CHANNEL_COLOURS[index % len(CHANNEL_COLOURS)]

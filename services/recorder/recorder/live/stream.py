@@ -1,4 +1,4 @@
-"""A stream into the viewer's file and a running viewer: opened, closed and released."""
+"""Streams into a Rerun file and a running viewer: opened, closed and released."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 
 import structlog
 
-# Rerun has no setting in its API against usage reports; this variable is how it is told, before it is imported.
+# Rerun's API has no setting that disables usage reports; this variable does, if set before the import.
 os.environ.setdefault("CI", "1")
 
 import rerun as rr
@@ -22,18 +22,18 @@ import rerun_bindings
 APPLICATION: Final = "duralab"
 
 FLUSH_SECONDS: Final = 5.0
-"""Longest wait for the file (and a viewer) to take what is left, when a recording is closed."""
+"""Longest wait, in seconds, for the file and a viewer to accept the remaining data when a recording is closed."""
 
 PROBE_SECONDS: Final = 0.5
-"""Longest wait for a sign that a viewer listens."""
+"""Longest wait, in seconds, for a connection to a viewer."""
 
 DEFAULT_PORT: Final = 9876
-"""Where a Rerun viewer listens when nothing else is said."""
+"""Default port of a Rerun viewer."""
 
 
 @dataclass(frozen=True)
 class LiveStream:
-    """An open stream, and whether a viewer takes it while it is written."""
+    """An open stream, and whether a viewer receives it while it is written."""
 
     stream: rr.RecordingStream
     watched: bool
@@ -45,7 +45,7 @@ def open_stream(recording: str, *, file: Path | None, viewer: str | None) -> Liv
     sinks: list[rr.FileSink | rr.GrpcSink] = []
     if file is not None:
         sinks.append(rr.FileSink(file))
-    # Rerun would keep everything for a viewer that is not there and wait for it at every turn.
+    # For a missing viewer Rerun would keep all data and wait at every call.
     watched = viewer is not None and _listens(viewer)
     if viewer is not None and watched:
         sinks.append(rr.GrpcSink(viewer))
@@ -57,8 +57,8 @@ def open_stream(recording: str, *, file: Path | None, viewer: str | None) -> Liv
 def send_blueprint(stream: rr.RecordingStream, blueprint: rrb.Blueprint) -> None:
     """Send a layout.
 
-    As `rr.send_blueprint` does, whose stream is never released: it and what keeps it in memory hold each other, two
-    threads and a megabyte for each layout. Here it is disconnected.
+    Like `rr.send_blueprint`, whose stream is never released: a reference cycle keeps two threads and a megabyte for
+    each layout. Here the stream is disconnected.
     """
     own = rr.RecordingStream._from_native(  # noqa: SLF001 - there is no public way to a stream of a layout
         rerun_bindings.new_blueprint(
@@ -74,7 +74,7 @@ def send_blueprint(stream: rr.RecordingStream, blueprint: rrb.Blueprint) -> None
 
 
 def close_stream(stream: rr.RecordingStream) -> bool:
-    """Write what is left, as far as it is taken in time, close everything, and return whether all was taken."""
+    """Write the remaining data within the time limit, close everything, and return whether all was written."""
     taken = True
     try:
         stream.flush(timeout_sec=FLUSH_SECONDS)
@@ -86,11 +86,11 @@ def close_stream(stream: rr.RecordingStream) -> bool:
 
 
 def release_streams() -> None:
-    """Release what Rerun keeps of streams that nobody holds any more: two threads and some megabytes each.
+    """Release Rerun's resources of streams without a reference: two threads and some megabytes each.
 
-    It does so by itself only in `rr.init`, which a process with several streams never calls.
+    Rerun does so only in `rr.init`, which a process with several streams never calls.
     """
-    # A stream is part of reference cycles, and only what is gone is released.
+    # A stream is part of reference cycles, and Rerun releases only collected streams.
     gc.collect()
     rerun_bindings.flush_and_cleanup_orphaned_recordings()
 

@@ -1,4 +1,4 @@
-"""The text of the live view: what the campaign does now, and its error table, in Markdown."""
+"""Text of the live view in Markdown: current activity of the campaign, and its error table."""
 
 from __future__ import annotations
 
@@ -41,19 +41,19 @@ _EXPONENTS = (3.0, 5.0, 8.0)
 _OVER = (iterator_pb2.CAMPAIGN_PHASE_FINISHED, iterator_pb2.CAMPAIGN_PHASE_FAULTED)
 
 COLUMNS_SHOWN = 7
-"""Most iterations in the table, so that it fits beside the plots: the first and the last ones."""
+"""Largest number of iterations in the table, so that it fits beside the plots: the first and the last ones."""
 
 
 def best_iteration(
     iterations: Sequence[iterator_pb2.IterationMetrics], status: iterator_pb2.CampaignStatus | None = None
 ) -> int:
-    """Return the number of the best playback as the iterator names it; 0 where there is none.
+    """Return the number of the best playback as the iterator states it; 0 if there is no playback.
 
-    Before a status knows the last playback, it is the one of the whole target with the smallest overall error.
+    Until a status includes the last playback: the one of the whole target with the smallest overall error.
     """
     if status is not None and len(status.iterations) == len(iterations):
         return status.best_iteration
-    # Older recordings tell no level: all of them played the whole target.
+    # Older recordings state no level: all their playbacks are of the whole target.
     whole = [metrics for metrics in iterations if metrics.level in (0.0, 1.0)]
     return min(whole, key=lambda metrics: metrics.overall_relative_rms_error).iteration if whole else 0
 
@@ -71,7 +71,7 @@ def error_table(
 
     def cell(value: float, iteration: int) -> str:
         if math.isnan(value):
-            # A watched channel without a target.
+            # A monitored channel without a target.
             return "–"
         text = f"{100 * value:.1f}"
         return f"**{text}**" if iteration == best else text
@@ -128,22 +128,22 @@ def _passes(damage: float) -> str:
 
 
 def status_line(status: iterator_pb2.CampaignStatus) -> str:
-    """Return the phase and what is done now, or the fault, in one line."""
+    """Return the phase and the current activity, or the fault, in one line."""
     what = status.fault.message if status.HasField("fault") else status.activity
     return ": ".join(part for part in (_PHASES.get(status.phase, "starting"), what) if part)
 
 
 def state_line(state: rig_pb2.RigState) -> str:
-    """Return what a rig does, its run and why it is interlocked, in one line."""
+    """Return the mode of a rig, its run and the reason of its interlock, in one line."""
     line = f"Rig {state.rig}: {_MODES.get(state.mode, 'in an unknown state')}"
     if state.run:
-        # A latched rig may still move: on its way down, or to the end of a run that cannot be stopped.
+        # A latched rig may still move: it ramps down, or finishes a run that cannot be stopped.
         line += f", {'still moved by ' if state.mode == rig_pb2.RIG_MODE_INTERLOCKED else ''}run {state.run}"
     return f"{line}: {state.reason}" if state.reason else line
 
 
 def reset_line(state: rig_pb2.RigState) -> str:
-    """Return who cleared the last latch of a rig and why; empty where neither was given."""
+    """Return who cleared the last latch of a rig and why; empty if neither was given."""
     by = f"reset by {state.reset_name}" if state.reset_name else "reset" if state.reset_reason else ""
     return f"{by}: {state.reset_reason}" if state.reset_reason else by
 
@@ -155,16 +155,16 @@ def status_document(
     state: rig_pb2.RigState | None = None,
     exponent: float = 5.0,
 ) -> str:
-    """Return the rig's state, the phase in a sentence, what it does now, the errors, and the damage at a slope."""
+    """Return the rig's state, the phase, the current activity, the errors, and the damage at a slope."""
     lines = []
     if state is not None:
-        # What stops everybody's work stands out.
+        # An interlock is shown as a heading: it stops all work.
         lines.append(f"# {state_line(state)}" if state.mode == rig_pb2.RIG_MODE_INTERLOCKED else state_line(state))
     if status is not None:
         phase = _PHASES.get(status.phase, "starting")
         outcome = _OUTCOMES.get(status.outcome)
         lines.append(f"**{status.id}**: {phase}" + (f" – {outcome}" if outcome else ""))
-        # What is over has said so.
+        # The activity of a campaign that ended is omitted.
         if status.activity and status.phase not in _OVER:
             lines.append(f"{status.activity} ({100 * status.fraction:.0f} % done)")
         if status.HasField("fault"):

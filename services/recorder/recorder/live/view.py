@@ -1,4 +1,4 @@
-"""The live view of one recording: what is committed and played, drawn in Rerun while it happens."""
+"""Live view of one recording: committed steps and playbacks, drawn in Rerun during the campaign."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ from recorder.live.tables import reset_line, state_line, status_document, status
 from recorder.live.thinning import bucket_samples, keep_extremes
 
 DETAIL_SECONDS: Final = 2.0
-"""Length of the stretch around the target's peak that the first tab magnifies: single waves are distinguished."""
+"""Length of the segment around the target's peak that the first tab magnifies: single waves are visible."""
 
 LONGEST_PIECE_SECONDS: Final = 30.0
-"""Of signals drawn at once, however fast they come: some megabytes."""
+"""Longest segment of signals drawn at once, also if they arrive faster: some megabytes."""
 
 LOG_LINES: Final = 100
-"""Lines of the campaign's log that are shown, the newest first."""
+"""Number of lines of the campaign's log that are shown, the newest first."""
 
 
 class LiveView:
@@ -49,9 +49,9 @@ class LiveView:
     recording : str
         Id of the recording.
     file : Path, optional
-        Where everything shown is kept; what is there is replaced.
+        File for everything shown; an existing one is replaced.
     viewer : str, optional
-        Address of a running viewer, e.g. "rerun+http://127.0.0.1:9876/proxy". Where nobody listens there, the view
+        Address of a running viewer, e.g. "rerun+http://127.0.0.1:9876/proxy". If no viewer listens there, the view
         continues without it.
     """
 
@@ -73,7 +73,7 @@ class LiveView:
         self._endurance = EnduranceDrawing(self._stream)
 
     def show_step(self, message: Message) -> None:
-        """Draw a committed step, after all that came before it; steps without a picture change nothing."""
+        """Draw a committed step after all earlier data; other steps change nothing."""
         self._draw_pending()
         match message:
             case iterator_pb2.CampaignSpec():
@@ -92,7 +92,7 @@ class LiveView:
                 self._endurance.show(message)
 
     def show_status(self, status: iterator_pb2.CampaignStatus, *, at: datetime | None = None) -> None:
-        """Write what the campaign does now; `at` is when it was so, now where not given."""
+        """Write the current activity of the campaign; `at` is its time, the present if not given."""
         line = status_line(status)
         if self._status is None or line != status_line(self._status):
             self._note(line, at)
@@ -100,7 +100,7 @@ class LiveView:
         self._write_status()
 
     def show_state(self, state: rig_pb2.RigState, *, at: datetime | None = None) -> None:
-        """Write what the rig does now, a latched interlock and its reason above all; `at` as for `show_status`."""
+        """Write the state of the rig, first of all a latched interlock and its reason; `at` as for `show_status`."""
         before = self._state or rig_pb2.RigState()
         reset = reset_line(state) if reset_line(state) != reset_line(before) else ""
         if reset or (state.mode, state.reason, state.run) != (before.mode, before.reason, before.run):
@@ -114,7 +114,7 @@ class LiveView:
             self._rig.show(block, on_run_time=playback_of(block.run, recording=self._recording).is_iteration)
 
     def show_block(self, block: rig_pb2.SignalBlock) -> None:
-        """Draw a block of a playback, together with its neighbours; an endurance test has trends in their place."""
+        """Draw a block of a playback, together with its neighbours; an endurance test shows trends instead."""
         if self._endurance.begun:
             return
         last = self._pending.last
@@ -127,7 +127,7 @@ class LiveView:
             self._draw_pending()
 
     def close(self) -> bool:
-        """Draw what is left, release the file and the viewer, and return whether they took everything."""
+        """Draw the remaining data, release the file and the viewer, and return whether they accepted everything."""
         self._draw_pending()
         self._endurance.draw()
         return close_stream(self._stream)
@@ -183,7 +183,7 @@ class LiveView:
             responses=[with_unit(channel) for channel in message.responses],
             drives=[with_unit(channel) for channel in message.drives],
             drive_ranges=[channel.maximum - channel.minimum for channel in message.drives],
-            # Models of older recordings do not tell their band themselves.
+            # Models of older recordings do not state their band.
             band=(
                 message.lowest_frequency or spectrum.lowest_frequency,
                 message.highest_frequency or spectrum.highest_frequency,
@@ -193,7 +193,7 @@ class LiveView:
 
     def _show_iteration(self, step: iterator_pb2.IterationStep) -> None:
         if self._iterations and step.iteration <= self._iterations[-1].iteration:
-            # Once from the log and once as it came, where a view begins while its recording is written.
+            # A view that begins while its recording is written gets a step twice: from the log and from the stream.
             return
         if self._description is not None and (response := self._judged(step)) is not None:
             channels, sample_rate = self._description.responses, self._description.sample_rate
@@ -215,10 +215,10 @@ class LiveView:
         return from_array(step.response_in_band, field="response_in_band", shape=(None, None), dtype=np.float64)
 
     def _played(self, step: iterator_pb2.IterationStep) -> Playback:
-        """Return the attempt that a step tells the result of, so that its response stands beside its measured one."""
+        """Return the attempt of a step, so that its response is drawn beside its measured one."""
         own = iteration(step.iteration)
         playback = playback_of(step.run, recording=self._recording)
-        # A step that was taken over names a run of another recording.
+        # A step of a resumed campaign may name a run of another recording.
         return playback if playback.name == own.name else own
 
     def _draw_pending(self) -> None:
@@ -243,13 +243,13 @@ class LiveView:
                 self._limits.reach(start + samples.shape[1] / first.sample_rate)
 
     def _dress(self, group: Group, channels: Sequence[str], playback: Playback) -> None:
-        """Let the newest playback of a group stand out and hide the one before it, once for each playback."""
+        """Highlight the newest playback of a group and hide the one before it, once for each playback."""
         earlier = self._playbacks[group]
         if playback in earlier:
             return
         for channel in channels:
             if earlier:
-                # The first response shows how far the iteration has come; other earlier curves would only hide it.
+                # The first response shows the progress of the iteration; other earlier curves would only hide it.
                 look = Look.FIRST if len(earlier) == 1 and group is Group.RESPONSE else Look.EARLIER
                 if playback.repeats(earlier[-1]):
                     look = Look.REPEATED
@@ -278,7 +278,7 @@ class LiveView:
 
 
 def _detail(target: np.ndarray, sample_rate: float) -> tuple[float, float]:
-    """Return a stretch of a few seconds around the largest load, each channel scaled by its RMS."""
+    """Return a segment of a few seconds around the largest load, each channel scaled by its RMS."""
     duration = target.shape[1] / sample_rate
     if duration <= DETAIL_SECONDS:
         return 0.0, duration

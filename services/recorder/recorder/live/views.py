@@ -1,4 +1,4 @@
-"""The live views of all open recordings, on their own thread: a slow viewer delays no commit."""
+"""Live views of all open recordings, on a separate thread: a slow viewer delays no commit."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from recorder.live.view import LiveView
 
 MOST_BLOCKS_WAITING: Final = 5000
-"""Jobs that wait to be drawn, about 70 MB; signal blocks and poses on top of them are left out of the view, not of the
-log."""
+"""Largest number of waiting drawing jobs, about 70 MB; signal blocks and poses beyond it are left out of the view, not
+of the log."""
 
 CLOSE_SECONDS: Final = 10.0
-"""Longest wait for a view when its recording is closed."""
+"""Longest wait, in seconds, for a view when its recording is closed."""
 
 
 class LiveViews:
-    """Draws what is recorded.
+    """Draws the data that is recorded.
 
-    `folder`: Where the views' files go. `files`: Whether each view is kept in a file beside its recording. `viewer`:
+    `folder`: Folder of the views' files. `files`: Whether each view is kept in a file beside its recording. `viewer`:
     Address of a running viewer.
     """
 
@@ -38,12 +38,12 @@ class LiveViews:
         self._folder = folder
         self._files = files
         self._viewer = viewer
-        # None where it could not be opened: the recording continues without.
+        # None if it could not be opened: the recording continues without a view.
         self._views: dict[str, LiveView | None] = {}
         self._incomplete: set[str] = set()
         self._log = structlog.get_logger("recorder")
         self._thread = WorkThread("recorder-view")
-        # There before the first recording, but not in the way of the recorder's start.
+        # Rerun is imported before the first recording, without a delay of the recorder's start.
         self._thread.offer(_import_rerun)
 
     def show_step(self, recording: str, message: Message) -> None:
@@ -51,11 +51,11 @@ class LiveViews:
         self._offer(lambda: self._draw(recording, lambda view: view.show_step(message)))
 
     def show_status(self, recording: str, event: iterator_pb2.CampaignEvent) -> None:
-        """Write what a campaign does now."""
+        """Write the current activity of a campaign."""
         self._offer(lambda: self._draw(recording, lambda view: view.show_status(event.status)))
 
     def show_state(self, recording: str, state: rig_pb2.RigState) -> None:
-        """Write what the recording's rig does now."""
+        """Write the state of the recording's rig."""
         self._offer(lambda: self._draw(recording, lambda view: view.show_state(state)))
 
     def show_pose(self, recording: str, block: rig_pb2.PoseBlock) -> None:
@@ -72,7 +72,7 @@ class LiveViews:
             self._log.warning("the live view is too slow and leaves signal blocks out", recording=recording)
 
     def finish(self, recording: str) -> None:
-        """Close the view of a recording and wait until its file is whole."""
+        """Close the view of a recording and wait until its file is complete."""
         try:
             self._thread.call(lambda: self._close(recording)).result(CLOSE_SECONDS)
         except FutureTimeoutError:
@@ -102,7 +102,7 @@ class LiveViews:
         from recorder.live.view import LiveView
 
         try:
-            # A recorder that was started again continues with a recording: the view begins with what its log holds.
+            # A restarted recorder continues a recording: the view begins with the content of its log.
             before = files_of(self._folder, recording) if path is not None and path.exists() else []
             view = LiveView(recording, file=path, viewer=self._viewer)
             self._show_before(view, recording, before)
@@ -117,7 +117,7 @@ class LiveViews:
         try:
             show_log(view, files)
         except UnreadableFileError as error:
-            # What comes from now on is drawn all the same.
+            # Later data is drawn all the same.
             self._log.warning("the live view lacks what is damaged in the log", recording=recording, why=str(error))
 
     def _close(self, recording: str) -> None:
@@ -132,7 +132,7 @@ class LiveViews:
             release_streams()
 
     def _make_again(self, recording: str) -> None:
-        """Write the view's file once more, from the log: on a full disk Rerun ends a file for good."""
+        """Write the view's file again from the log: after a full disk Rerun does not continue a file."""
         from recorder.live.rebuild import show_log
         from recorder.live.view import LiveView
 
@@ -149,7 +149,7 @@ class LiveViews:
 def _import_rerun() -> None:
     import recorder.live.rebuild  # noqa: F401 - takes half a second; the drawing code finds it imported
 
-    # What was imported stays. Rerun's streams are only released by a collection, after every recording, and most of
-    # its time it looked at ninety thousand objects of modules.
+    # Modules stay imported. Rerun's streams are released only by a garbage collection after every recording; without
+    # the freeze it spends most of its time on ninety thousand objects of modules.
     gc.collect()
     gc.freeze()

@@ -1,4 +1,4 @@
-"""The log: the recordings that are written, what they accept, and their recovery."""
+"""Log of the recordings: open recordings, the data that they accept, and their recovery."""
 
 from recorder.log.archive import Archive
 from recorder.log.folder_lock import exclusive_folder

@@ -1,4 +1,4 @@
-"""All open recordings of a folder: commits, streams and closing. Used by one thread, which is the log's only writer."""
+"""All open recordings of a folder: commits, streams and closing. Used by one thread, the log's only writer."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from recorder.refused import RefusedError
 
 
 class RunRegistry:
-    """The playbacks of all open recordings, by rig and run."""
+    """Playbacks of all open recordings, by rig and run."""
 
     def __init__(self) -> None:
         self._runs: dict[tuple[str, str], PlannedRun] = {}
-        # Bounded, because anybody may play by hand for as long as the lab runs.
+        # Bounded, because clients may play runs of no recording as long as the lab runs.
         self._strangers: deque[str] = deque(maxlen=100)
 
     def find(self, rig: str, run: str) -> PlannedRun | None:
@@ -38,22 +38,22 @@ class RunRegistry:
         return self._runs.get((rig, run))
 
     def rig_of(self, recording: str, run: str) -> str:
-        """Return the rig that a run was announced on to a recording; empty where it was not."""
+        """Return the rig on which a run was announced to a recording; empty if it was not announced."""
         return next((rig for rig, name in self.of_recording(recording) if name == run), "")
 
     def is_not_kept(self, run: str) -> bool:
-        """Whether a run is one of the last whose blocks are not kept."""
+        """Return whether a run is one of the last whose blocks are not kept."""
         return run in self._strangers
 
     def is_new_stranger(self, run: str) -> bool:
-        """Whether a run of no recording is met for the first time."""
+        """Return whether a run of no recording is seen for the first time."""
         if run in self._strangers:
             return False
         self._strangers.append(run)
         return True
 
     def check(self, message: recorder_pb2.RunPlanned | recorder_pb2.RunPlayed, recording: str) -> None:
-        """Raise a RefusedError where the announcement does not fit to what was announced before."""
+        """Raise a RefusedError if the announcement contradicts an earlier one."""
         known = self.find(message.rig, message.run)
         if isinstance(message, recorder_pb2.RunPlanned):
             if known is not None and known.recording != recording:
@@ -98,7 +98,7 @@ class RunRegistry:
         return {run.recording for (of, _), run in self._runs.items() if of == rig}
 
     def restore(self, runs: Mapping[tuple[str, str], PlannedRun]) -> None:
-        """Take over the playbacks of a recording as its files hold them."""
+        """Add the playbacks of a recording from its files."""
         self._runs.update(runs)
 
     def forget(self, recording: str) -> None:
@@ -115,20 +115,20 @@ _Files = tuple[tuple[str, int, int, int], ...]
 
 
 class RecentlyClosed:
-    """The steps of the recordings that ended last: a step sent again is acknowledged without their files."""
+    """Steps of the recordings that ended last: a step sent again is acknowledged without reading their files."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._known: dict[str, tuple[StepOrder, _Files]] = {}
 
     def remember(self, name: str, order: StepOrder) -> None:
-        """Note the steps of a recording whose last file is closed; the oldest is forgotten where there are many."""
+        """Store the steps of a recording whose last file is closed; beyond `REMEMBERED` the oldest is dropped."""
         self._known[name] = (order, self._files(name))
         if len(self._known) > REMEMBERED:
             del self._known[next(iter(self._known))]
 
     def find(self, name: str) -> StepOrder | None:
-        """Return the steps of a recording, or None where it is not known or its files are others now."""
+        """Return the steps of a recording; None if they are unknown or its files have changed."""
         order, files = self._known.get(name, (None, ()))
         if order is not None and files != self._files(name):
             del self._known[name]
@@ -141,7 +141,7 @@ class RecentlyClosed:
 
 
 class Archive:
-    """The recordings of a folder that are written now, and those that may be continued.
+    """Recordings of a folder that are written now, and those that may be continued.
 
     `split_bytes`: Size at which a file is finished and the next one begun. `least_free_bytes`: No playback is begun,
     and no interrupted recording reopened, while less is free on the disk.
@@ -158,13 +158,13 @@ class Archive:
         self._runs = RunRegistry()
         self._descriptions: dict[tuple[str, str], rig_pb2.RigDescription] = {}
         self._interruptions = Interruptions()
-        # Stream messages that are written and not yet synced, and those that nothing more is to be done about.
+        # Stream messages that are written but not yet synced, and those that need no further work.
         self._unsynced: dict[str, list[StreamItem[Any]]] = {}
         self._settled: list[StreamItem[Any]] = []
         self._log = structlog.get_logger("recorder")
 
     def recover(self) -> None:
-        """Resume every recording of the folder that is not ended; what cannot be is reported and left unchanged."""
+        """Reopen unfinished recordings; log those that cannot be recovered and leave them unchanged."""
         for name in recordings_in(self._folder):
             try:
                 if not is_ended(self._folder, name):
@@ -192,11 +192,11 @@ class Archive:
         return found.recording
 
     def commit(self, name: str, step: Step, *, samples_hash: str = "") -> Placement:
-        """Store a step and return when it is on the disk, or find that it is there already.
+        """Store a step and return when it is on the disk or was already stored.
 
-        `samples_hash`: Of the samples on disk of the run that the step leaves its samples to; empty where they are not
-        whole. FAILED_PRECONDITION where the step does not follow or its samples are not here; RESOURCE_EXHAUSTED where
-        the disk refuses it: it may be sent again.
+        `samples_hash`: Hash of the samples on disk of the run that the step refers to; empty if they are not complete.
+        FAILED_PRECONDITION if the step is not the next one or its samples are missing; RESOURCE_EXHAUSTED if the disk
+        refuses it: it may be sent again.
         """
         self.go_on(name)
         recording = self._open.get(name)
@@ -230,16 +230,16 @@ class Archive:
         return placement
 
     def go_on(self, name: str) -> None:
-        """Resume a recording that its disk interrupted; raises RefusedError where the disk does not take it yet."""
+        """Resume a recording that its disk interrupted; raises RefusedError while the disk refuses it."""
         if name in self._interruptions:
             self._take_up_interrupted(name)
         if name in self._interruptions:
-            # The disk refused again what had been held back.
+            # The disk refused the held messages again.
             raise DiskError(name, self._interruptions[name].why)
 
     @contextmanager
     def _interrupted_by_disk(self, recording: Recording) -> Iterator[None]:
-        """Release a recording whose disk refuses a write; what was acknowledged stays, the rest is written again."""
+        """Release a recording whose disk refuses a write; acknowledged data stays, the rest is written again."""
         try:
             yield
         except DiskError as error:
@@ -255,7 +255,7 @@ class Archive:
             raise
 
     def _take_up_interrupted(self, name: str) -> None:
-        """Continue with an interrupted recording where the disk takes it again; RefusedError where it does not yet."""
+        """Resume an interrupted recording; raises RefusedError while its disk refuses it."""
         why = "" if self._interruptions[name].unread else self._interruptions[name].why
         self._free_space.expect(name)
         try:
@@ -270,10 +270,10 @@ class Archive:
         self._take_held(name)
 
     def _take_held(self, name: str) -> None:
-        """Take what came for a recording while it waited."""
+        """Process the messages held for a recording while it was interrupted."""
         held = self._interruptions.pop(name).held
         if name not in self._open:
-            # Its last step was on the disk, with all that came before it; or there is no recording to continue.
+            # Its last step is on the disk with all earlier data, or there is no recording to continue.
             self._forget(name)
             held, self._settled = [], self._settled + held
         for item in held:
@@ -288,7 +288,7 @@ class Archive:
                 self.take_state(item)
 
     def _note(self, recording: Recording, step: Step) -> None:
-        """Do what follows from a step that is on the disk."""
+        """Update the state from a step that is on the disk."""
         name, message = recording.name, step.message
         match message:
             case recorder_pb2.RunPlanned() | recorder_pb2.RunPlayed():
@@ -299,21 +299,21 @@ class Archive:
                 self._close(recording, reason=message.reason)
 
     def _forget(self, name: str) -> None:
-        """Release the playbacks and rigs of a recording."""
+        """Drop the playbacks and rigs of a recording."""
         self._runs.forget(name)
         self._descriptions = {key: value for key, value in self._descriptions.items() if key[0] != name}
 
     def gaps(self, name: str, played: recorder_pb2.RunPlayed) -> list[range]:
-        """Return which blocks of a playback are not stored; none where it was not announced to this recording."""
+        """Return the missing block numbers of a playback; empty if it was not announced to this recording."""
         run = self._runs.find(played.rig, played.run)
         return [] if run is None or run.recording != name else run.gaps_of(played.epoch, played.blocks)
 
     def rig_of(self, name: str, run: str) -> str:
-        """Return the rig that a run of a recording was announced on; empty where it was not."""
+        """Return the rig on which a run of a recording was announced; empty if it was not announced."""
         return self._runs.rig_of(name, run)
 
     def places(self, name: str, topic: str, *, epoch: int) -> list[BlockPlace]:
-        """Return where the signal blocks of a run are on the disk; none where its recording is not written now."""
+        """Return the places of a run's signal blocks on the disk; empty if its recording is not open."""
         recording = self._open.get(name)
         if recording is None:
             return []
@@ -321,7 +321,7 @@ class Archive:
             return recording.places(topic, epoch=epoch)
 
     def take_block(self, item: StreamItem[rig_pb2.SignalBlock]) -> str | None:
-        """Write a signal block; return the recording it went to, or None where it belongs to none."""
+        """Write a signal block; return its recording, or None if it has none."""
         rig, name = rig_of(item.key), run_of(item.key)
         run = self._runs.find(rig, name)
         if run is None:
@@ -329,7 +329,7 @@ class Archive:
         elif run.recording in self._interruptions:
             self._interruptions[run.recording].held += [item]
         elif not self._runs.is_new(run, item.epoch, item.seq):
-            # Not settled at once: the first of the two may not be on the disk yet.
+            # Not settled at once: the first copy may not be on the disk yet.
             self._unsynced.setdefault(run.recording, []).append(item)
         elif fault := _check_block(item.message, run=name, description=self._descriptions.get((run.recording, rig))):
             self._log.warning("a signal block is refused", run=name, rig=rig, seq=item.seq, why=fault)
@@ -340,7 +340,7 @@ class Archive:
         return None
 
     def _take_unclaimed(self, item: StreamItem[rig_pb2.SignalBlock]) -> None:
-        """Discard a block of no recording, unless one whose files could not be read yet may claim it."""
+        """Discard a block of no recording, unless a recording with unread files may claim it."""
         if self._interruptions.hold_unclaimed(item):
             return
         if self._runs.is_new_stranger(run_of(item.key)):
@@ -348,29 +348,29 @@ class Archive:
         self._settled.append(item)
 
     def take_state(self, item: StreamItem[rig_pb2.RigState]) -> set[str]:
-        """Write a rig's state to the recordings that have a playback on it and continue; return them."""
+        """Write a rig's state to the recordings with a playback on it that continue; return them."""
         if self._runs.is_not_kept(item.message.run):
             self._settled.append(item)
             return set()
         named = self._runs.recordings_of_rig(rig_of(item.key))
         run = self._runs.find(rig_of(item.key), item.message.run)
         playing = "" if run is None or run.played is not None else run.recording
-        # Not to one that was broken off long ago and is only ready to be gone on with.
+        # Not to a recording that was interrupted long ago and is only ready to be resumed.
         names = {name for name in named if name == playing or name not in self._open or self._open[name].written}
         if not names and not self._interruptions.hold_unclaimed(item):
             self._settled.append(item)
         return {name for name in names if self._add_stream(name, item)}
 
     def take_pose(self, item: StreamItem[rig_pb2.PoseBlock]) -> str | None:
-        """Write body poses to the recording of their run; return it, or None where they belong to none."""
+        """Write body poses to the recording of their run; return it, or None if they have none."""
         run = self._runs.find(rig_of(item.key), item.message.run)
-        # Poses are for the eye and may have gaps: while the disk takes nothing they are dropped.
+        # Poses are only for display and may have gaps: they are dropped while the disk refuses writes.
         if run is None or run.recording in self._interruptions or not holds_doubles_only(item.message):
             return None
         return run.recording if self._add_stream(run.recording, item) else None
 
     def take_event(self, item: StreamItem[iterator_pb2.CampaignEvent]) -> str | None:
-        """Write a campaign's event to its recording; return its id, or None where it is not open."""
+        """Write a campaign's event to its recording; return its id, or None if it is not open."""
         name = id_of(item.key)
         known = name in self._open or name in self._interruptions
         if not known or item.message.status.id != name:
@@ -379,7 +379,7 @@ class Archive:
         return name if self._add_stream(name, item) else None
 
     def _add_stream(self, name: str, item: StreamItem[Any]) -> bool:
-        """Write a stream message; where the disk refuses it, it is held until the disk takes it."""
+        """Write a stream message; if the disk refuses it, it is held until the disk accepts it."""
         recording = self._open.get(name)
         if recording is None:
             self._interruptions[name].held += [item]
@@ -393,7 +393,7 @@ class Archive:
         return True
 
     def sync(self) -> None:
-        """Bring everything to the disk, split what has grown large, and resume what was interrupted."""
+        """Flush to disk, split large files, and resume interrupted recordings."""
         for name, recording in list(self._open.items()):
             try:
                 with self._interrupted_by_disk(recording):
@@ -416,33 +416,33 @@ class Archive:
                 self._log.warning("a recording cannot be gone on with", recording=name, why=refusal.message)
 
     def settle(self, item: StreamItem[Any]) -> None:
-        """Take note of a stream message that nothing more is to be done about."""
+        """Mark a stream message as settled: it needs no further work."""
         self._settled.append(item)
 
     def take_settled(self) -> list[StreamItem[Any]]:
-        """Return the stream messages that are on the disk or belong to nothing, since the last time."""
+        """Return the stream messages that were stored or discarded since the last call."""
         settled, self._settled = self._settled, []
         return settled
 
     def information(self, name: str) -> recorder_pb2.RecordingInfo | None:
-        """Return the description of a recording that is written now or interrupted, or None; without its files."""
+        """Return the description of a recording that is open, without its files; None if it is not open."""
         recording = self._open.get(name)
         return recording.information(self._runs.of_recording(name)) if recording and recording.written else None
 
     def waiting(self, name: str) -> str:
-        """Return why a recording cannot be written now; empty where it can."""
+        """Return why a recording cannot be written now; empty if it can."""
         return self._interruptions[name].why if name in self._interruptions else ""
 
     def counts(self) -> tuple[int, int]:
-        """Return how many recordings are open, and how many wait for their disk; on any thread."""
+        """Return the number of open and of interrupted recordings; callable on any thread."""
         return len(self._open), len(self._interruptions)
 
     def open_names(self) -> list[str]:
-        """Return the ids of the recordings that are written now."""
+        """Return the ids of the open recordings."""
         return sorted(name for name, recording in self._open.items() if recording.written)
 
     def close(self) -> None:
-        """Close all recordings, so that each file is complete as far as it goes."""
+        """Close all recordings, so that each file has an end."""
         for recording in list(self._open.values()):
             try:
                 with self._interrupted_by_disk(recording):
@@ -461,7 +461,7 @@ class Archive:
                     "signal blocks are missing", recording=name, rig=rig, run=run, missing=planned.missing
                 )
         recording.close(runs, reason=reason)
-        # Not where closing failed: what is on the disk is then read again first.
+        # Not if closing failed: the files are then read again first.
         self._settled += self._unsynced.pop(name, [])
         del self._open[name]
         self._forget(name)
@@ -471,7 +471,7 @@ class Archive:
 
 
 def _check_block(block: rig_pb2.SignalBlock, *, run: str, description: rig_pb2.RigDescription | None) -> str:
-    """Return what is wrong with a block in a sentence, or an empty string."""
+    """Return the fault of a block as a sentence, or an empty string."""
     if block.run != run:
         return f"The block of run {block.run!r} came on the key of run {run!r}."
     if not (math.isfinite(block.sample_rate) and block.sample_rate > 0):

@@ -1,4 +1,4 @@
-"""The folder of the recordings: writable, and of one recorder alone while it lives."""
+"""Folder of the recordings: writable, and locked by one recorder while its process runs."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from typing import Final
 from duralab_bus import ConfigError
 
 LOCK: Final = ".recorder"
-"""Locked, not its content: the lock goes with the process, however that ends."""
+"""Lock file, whose content is not used: the lock is released with the process, however that ends."""
 
 
 @contextmanager
 def exclusive_folder(folder: Path) -> Iterator[None]:
-    """Make the folder, prove that files can be made in it, and keep every other recorder out of it.
+    """Make the folder, check that files can be made in it, and lock it against other recorders.
 
-    A second one would take the files that the first writes for those of a dead one, and cut them off.
+    A second recorder would treat the files that the first one writes as abandoned, and cut them off.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)

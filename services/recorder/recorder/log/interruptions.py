@@ -1,4 +1,4 @@
-"""Recordings whose disk refused a write: what is safe of their files, and what waits to be written again."""
+"""Recordings whose disk refused a write: the safe part of their files, and the messages to write again."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from recorder.log.recording import DiskError
 RETRY_SECONDS: Final = 1.0
 
 CLAIM_SECONDS: Final = 30.0
-"""For so long what no known playback claims is kept for a recording that cannot be read; the lab would stand still."""
+"""Time that unclaimed messages are kept for a recording that cannot be read; longer would hold up the lab."""
 
 _NO_ROOM: Final = (errno.ENOSPC, errno.EDQUOT, errno.EROFS)
 
@@ -39,23 +39,23 @@ class Interruption:
 
 
 class Interruptions(dict[str, Interruption]):
-    """The recordings that wait for their disk, by name."""
+    """Recordings that wait for their disk, by name."""
 
     def __init__(self) -> None:
         super().__init__()
         self._unclaimed: list[StreamItem[Any]] = []
 
     def begin(self, name: str, *, why: str, file: tuple[Path, int] | None) -> None:
-        """Note that a recording waits."""
+        """Record that a recording waits for its disk."""
         self[name] = Interruption(why, file)
         with contextlib.suppress(OSError):
             self.cut(name)
 
     def begin_unread(self, name: str, error: OSError | DiskError) -> None:
-        """Note that the files of a recording that a recorder left could not be resumed: its playbacks are not known.
+        """Record that an unfinished recording could not be reopened: its playbacks are not known.
 
-        Where the disk has no room, that is soon mended, and all that may be of it is kept until then. A file that
-        cannot be read, perhaps of years ago, must not hold up the lab.
+        A full disk is a short fault, and all messages that may be of the recording are kept until it ends. A file that
+        cannot be read, perhaps years old, must not hold up the lab.
         """
         said = error.__cause__ if isinstance(error, DiskError) else error
         no_room = not isinstance(said, OSError) or said.errno in _NO_ROOM
@@ -64,12 +64,12 @@ class Interruptions(dict[str, Interruption]):
         self[name] = Interruption(why, None, unread=True, claims_until=claims_until)
 
     def cut(self, name: str) -> None:
-        """Cut off what is not certain to be on the disk; raises OSError where the disk refuses even that."""
+        """Cut off data that is not certain to be on the disk; raises OSError if the disk refuses even that."""
         file = self[name].file
         if file is not None:
             path, safe = file
             os.truncate(path, min(safe, path.stat().st_size))
-            # Once: what is there afterwards was written when the disk took it again.
+            # Only once: later data was written when the disk accepted it again.
             self[name].file = None
 
     def hold_unclaimed(self, item: StreamItem[Any]) -> bool:
@@ -85,15 +85,15 @@ class Interruptions(dict[str, Interruption]):
         return any(now < waiting.claims_until for waiting in self.values())
 
     def take_given_up(self) -> list[StreamItem[Any]]:
-        """Return what nobody has claimed and is kept for no recording any longer."""
+        """Return the unclaimed messages once no unread recording may claim them any longer."""
         return [] if self._claiming else self.take_unclaimed()
 
     def due(self) -> list[str]:
-        """Return the recordings that may be tried again."""
+        """Return the recordings that can be tried again now."""
         now = time.monotonic()
         return [name for name, waiting in self.items() if now >= waiting.retry_at]
 
     def take_unclaimed(self) -> list[StreamItem[Any]]:
-        """Return what no known playback claimed, to be looked at once more."""
+        """Return the unclaimed messages, to be processed again."""
         unclaimed, self._unclaimed = self._unclaimed, []
         return unclaimed

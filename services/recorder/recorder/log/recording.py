@@ -1,4 +1,4 @@
-"""One recording that is written: its files one after the other, the order of its steps, what is said at each end."""
+"""One open recording: its files in order, the order of its steps, and the summary at the end of each file."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ from recorder.refused import RefusedError
 
 
 class Placement(Enum):
-    """Treatment of a step."""
+    """Result of the placement of a step."""
 
     NEW = auto()
-    """It is the next one: store it."""
+    """The step is the next one: store it."""
     STORED = auto()
-    """It is stored already: acknowledge it."""
+    """The step is already stored: acknowledge it."""
 
 
 class StepOrder:
-    """The steps stored so far."""
+    """Order of the steps stored so far."""
 
     def __init__(self, recording: str) -> None:
         self._recording = recording
@@ -66,7 +66,7 @@ class StepOrder:
         return tuple(type_name for type_name, _ in self._steps)
 
     def restore(self, types: Sequence[str], hashes: Sequence[str]) -> None:
-        """Take over the steps that the recording's files hold, in order."""
+        """Set the steps that the recording's files hold, in order."""
         self._steps = list(zip(types, hashes, strict=True))
 
     @property
@@ -75,7 +75,7 @@ class StepOrder:
         return bool(self._steps) and self._steps[-1][0] == recorder_pb2.RecordingClosed.DESCRIPTOR.full_name
 
     def place(self, step: Step) -> Placement:
-        """Decide what is to be done with a step; nothing is changed."""
+        """Return the treatment of a step without a change; raises RefusedError if it cannot be stored."""
         if step.number < self.count:
             if self._steps[step.number] == (step.type_name, step.payload_hash):
                 return Placement.STORED
@@ -100,25 +100,25 @@ class StepOrder:
         return Placement.NEW
 
     def store(self, step: Step) -> None:
-        """Note that a step that `place` found NEW is on disk."""
+        """Add a step that `place` found NEW and that is on disk."""
         self._steps.append((step.type_name, step.payload_hash))
 
 
 _NANOSECONDS: Final = 1e9
 _LONGEST_SECONDS: Final = 1e9
-# September 2001 and a day: an epoch outside is no time in nanoseconds.
+# September 2001 and a day: an epoch outside of this range is not a time in nanoseconds.
 _EARLIEST: Final = 10**18
 _DAY: Final = 86_400 * 10**9
 
 
 def software_versions() -> dict[str, str]:
-    """Return what wrote the recording."""
+    """Return the versions of the software that writes the recording."""
     packages = ("duralab-recorder", "duralab-proto", "mcap", "protobuf")
     return {"python": platform.python_version()} | {package: version(package) for package in packages}
 
 
 class DiskError(RefusedError):
-    """The disk refuses a write: what was not synced before is not stored."""
+    """Refusal of a write by the disk: data after the last sync is not stored."""
 
     def __init__(self, recording: str, why: str) -> None:
         super().__init__(
@@ -132,7 +132,7 @@ class DiskError(RefusedError):
 
 @contextmanager
 def as_disk_error(recording: str) -> Iterator[None]:
-    """Raise what the system says against a file as a DiskError."""
+    """Raise an OSError as a DiskError."""
     try:
         yield
     except OSError as error:
@@ -141,7 +141,7 @@ def as_disk_error(recording: str) -> Iterator[None]:
 
 @dataclass
 class Stored:
-    """Content of the finished files of a recording; `streams` includes what is only written."""
+    """Content of the finished files of a recording; `streams` also includes messages not yet synced."""
 
     files: int = 0
     previous_sha256: str = ""
@@ -152,7 +152,7 @@ class Stored:
 
 
 class Recording:
-    """A recording that is written, file after file. Used by one thread."""
+    """A recording that is written, one file after the other. Used by one thread."""
 
     def __init__(
         self, name: str, folder: Path, *, order: StepOrder | None = None, stored: Stored | None = None
@@ -162,7 +162,7 @@ class Recording:
         self._folder = folder
         self._stored = stored or Stored()
         self._log: McapLog | None = None
-        # When runs began, in nanoseconds since 1970 UTC, by run and epoch.
+        # Begin of runs in nanoseconds since 1970 UTC, by run and epoch.
         self._begins: dict[tuple[str, int], int] = {}
 
     @property
@@ -176,11 +176,11 @@ class Recording:
         return 0 if self._log is None else self._log.bytes_written
 
     def place(self, step: Step) -> Placement:
-        """Decide what is to be done with a step; see `StepOrder.place`."""
+        """Return the treatment of a step; see `StepOrder.place`."""
         return self.order.place(step)
 
     def store(self, step: Step) -> None:
-        """Write a step that was found new, and return when it is on the disk."""
+        """Write a step that `place` found NEW, and return when it is on the disk."""
         with as_disk_error(self.name):
             log = self._writing()
             if isinstance(step.message, iterator_pb2.CampaignSpec):
@@ -202,7 +202,7 @@ class Recording:
     def add_stream(self, item: StreamItem[Any]) -> None:
         """Write a message of a stream under its key; it is on the disk after the next `sync`.
 
-        A state or an event that is here is passed over: after a kill its publisher replays what was not yet marked.
+        A state or an event that is stored already is ignored: after a kill its publisher replays unacknowledged ones.
         """
         stored: Continuity | None = None
         if isinstance(item.message, STORED_ONCE):
@@ -216,7 +216,7 @@ class Recording:
                 kind=type(item.message),
                 sequence=item.seq,
                 metadata={EPOCH: str(item.epoch)},
-                # Checked before: they are of float64.
+                # Checked before: their arrays are float64.
                 doubles=isinstance(item.message, rig_pb2.SignalBlock | rig_pb2.PoseBlock),
                 publish_time=self._sample_time(item),
             )
@@ -224,9 +224,9 @@ class Recording:
             stored.accept(item.seq)
 
     def _sample_time(self, item: StreamItem[Any]) -> int | None:
-        """Return the time of the first sample of a message, so that a tool for MCAP files draws a run over its time.
+        """Return the time of the first sample of a message, so that tools for MCAP files draw a run over its time.
 
-        A run begins when its publisher was made, which its epoch tells; None where a message has no samples.
+        The epoch of a publisher is the time of its start, and the begin of its run. None if a message has no samples.
         """
         match item.message:
             case rig_pb2.SignalBlock() as block:
@@ -245,20 +245,20 @@ class Recording:
         return begin + round(_NANOSECONDS * seconds) if 0.0 <= seconds < _LONGEST_SECONDS else None
 
     def places(self, topic: str, *, epoch: int) -> list[BlockPlace]:
-        """Return where the messages of a topic and epoch are in all files, once they are on the disk."""
+        """Return the places of the messages of a topic and epoch in all files, once they are on the disk."""
         self.sync()
         files = [recording_path(self._folder, self.name, number=number + 1) for number in range(self._stored.files)]
         found = [place for path in files for key, of, place in block_places(path) if (key, of) == (topic, epoch)]
         return found if self._log is None else found + self._log.places(topic, metadata={EPOCH: str(epoch)})
 
     def sync(self) -> None:
-        """Return when all that was added is on the disk."""
+        """Flush all added data to the disk."""
         if self._log is not None:
             with as_disk_error(self.name):
                 self._log.sync()
 
     def close(self, runs: Runs, *, reason: str, next_file: str = "") -> None:
-        """Write what is known about the whole and finish the open file, if there is one."""
+        """Write the summary and finish the open file, if there is one."""
         log = self._log
         if log is None:
             return
@@ -287,12 +287,12 @@ class Recording:
         self._begin_file()
 
     def write_empty_file(self, runs: Runs, *, reason: str) -> None:
-        """Write the next file with nothing in it but its place, where the one before names it and it is not there."""
+        """Write the next file without content, because the file before names it and it is missing."""
         self._begin_file()
         self.close(runs, reason=reason)
 
     def let_go(self) -> tuple[Path, int] | None:
-        """Release a file that the disk refuses, without an end; return it and how much of it is safe."""
+        """Release a file that the disk refuses, without an end; return it and its number of safe bytes."""
         log, self._log = self._log, None
         if log is None:
             return None
@@ -300,13 +300,13 @@ class Recording:
         return log.path, log.synced_bytes
 
     def abandon(self) -> None:
-        """Remove the file: nothing in it was promised to anyone."""
+        """Remove the file: nothing in it was acknowledged."""
         if self._log is not None:
             self._log.abandon()
             self._log = None
 
     def information(self, runs: Runs) -> recorder_pb2.RecordingInfo:
-        """Return the contract's description of it as it stands."""
+        """Return the contract's description of the recording in its present state."""
         return recorder_pb2.RecordingInfo(
             recording=self.name,
             steps=self.order.count,
@@ -316,7 +316,7 @@ class Recording:
         )
 
     def _writing(self) -> McapLog:
-        """Return the open file; the next one is made where none is."""
+        """Return the open file, or a new one if none is open."""
         if self._log is None:
             number = self._stored.files + 1
             previous = recording_path(self._folder, self.name, number=number - 1) if number > 1 else None
@@ -340,6 +340,6 @@ class Recording:
 
 
 def _begin_of(epoch: int) -> int:
-    """Return when a publisher began, in nanoseconds since 1970 UTC: its epoch, or now where that is no such time."""
+    """Return the start of a publisher in nanoseconds since 1970 UTC: its epoch, or now if that is not such a time."""
     now = time.time_ns()
     return epoch if _EARLIEST <= epoch <= now + _DAY else now

@@ -1,4 +1,4 @@
-"""Recordings that are not ended, resumed from their files, also after a kill or where a disk failed."""
+"""Unfinished recordings, reopened from their files, also after a kill or a failure of a disk."""
 
 from __future__ import annotations
 
@@ -47,13 +47,13 @@ LEAST_FREE_BYTES: Final = 256 * MEBIBYTE
 
 @dataclass(frozen=True)
 class FreeSpaceGuard:
-    """Space that must be free on the disk of a folder before something is begun."""
+    """Space that must be free on the disk of a folder before a recording or playback begins."""
 
     folder: Path
     least_bytes: int
 
     def expect(self, recording: str) -> None:
-        """Raise a DiskError while too little is free: a playback that has begun should find its place."""
+        """Raise a DiskError while too little space is free, so that a playback that has begun can be stored."""
         with as_disk_error(recording):
             free = shutil.disk_usage(self.folder).free
         if free < self.least_bytes:
@@ -64,7 +64,7 @@ class FreeSpaceGuard:
 
 @dataclass(frozen=True)
 class Reopened:
-    """A recording as its files hold it, its playbacks and its rigs."""
+    """A recording as read from its files, its playbacks and its rigs."""
 
     recording: Recording
     runs: Runs
@@ -85,7 +85,7 @@ def is_ended(folder: Path, name: str) -> bool:
 def reopen(
     folder: Path, name: str, *, keep_original: bool = True, reason: str = KILLED, least_free_bytes: int = 0
 ) -> Reopened | None:
-    """Take a recording up again; a file without an end is given one."""
+    """Reopen a recording; a file without an end is repaired."""
     files = files_of(folder, name)
     if stranded := files_after_a_gap(folder, name):
         missing = recording_path(folder, name, number=len(files) + 1)
@@ -125,13 +125,13 @@ def reopen(
     )
     recording = Recording(name, folder, order=order, stored=stored)
     if (last := read_summary(files[-1])) is not None and last.next_file:
-        # It says that the recording continues there, and whoever reads it looks for that file.
+        # The summary names a next file, and readers look for it.
         recording.write_empty_file(summary.runs, reason=reason)
     return Reopened(recording, summary.runs, content.descriptions)
 
 
 def _expect_own(part: Mapping[str, str], name: str, path: Path) -> None:
-    """Refuse a copy: it would take the playbacks of the recording that it was copied from for its own."""
+    """Refuse a copy: it would claim the playbacks of the original recording."""
     if newer := newer_format(part):
         raise _unreadable(name, path, newer)
     if (own := part.get("recording", name)) != name:
@@ -139,7 +139,7 @@ def _expect_own(part: Mapping[str, str], name: str, path: Path) -> None:
 
 
 def _seed(content: Content, files: Sequence[Path], name: str) -> int:
-    """Take over what the last finished file says about all before it; return how many files that spares reading."""
+    """Read the summary of the last finished file; return the number of files that need not be read because of it."""
     for number in range(len(files), 0, -1):
         summary = read_summary(files[number - 1])
         if summary is None or len(summary.step_types) != len(summary.step_hashes) or not summary.step_types:
@@ -170,7 +170,7 @@ def _take_over(content: Content, summary: Summary) -> None:
 
 
 def _repair(path: Path, content: Content, *, name: str, keep_original: bool, reason: str) -> bool:
-    """Give a file an ending; return False where it was only begun and there is nothing in it to end."""
+    """Write the end of a file; return False if the file has no message, so that there is nothing to end."""
     check_begin(path)
     found = scan(path, content.take)
     _expect_own(content.part, name, path)
@@ -192,7 +192,7 @@ def _repair(path: Path, content: Content, *, name: str, keep_original: bool, rea
 
 
 def _expect_room_for_copy(path: Path, least_free_bytes: int) -> None:
-    """Raise OSError where a copy would take what has to stay free, before the file is read for it in vain."""
+    """Raise OSError if a copy would use space that must stay free, before the file is read."""
     free, size = shutil.disk_usage(path.parent).free, path.stat().st_size
     if free < size + least_free_bytes:
         raise OSError(
@@ -203,7 +203,7 @@ def _expect_room_for_copy(path: Path, least_free_bytes: int) -> None:
 
 
 def _free_place(path: Path) -> Path:
-    """Return a name in the folder of damaged files that nothing has."""
+    """Return an unused name in the folder of damaged files."""
     folder = path.parent / DAMAGED_FOLDER
     folder.mkdir(exist_ok=True)
     sync_folder(path.parent)
@@ -220,7 +220,7 @@ def _keep(path: Path) -> None:
     try:
         with path.open("rb") as source, temporary.open("wb") as copy:
             while block := source.read(MEBIBYTE):
-                # Zeros that a power cut left take no room in the copy either.
+                # Zeros that a power cut left use no space in the copy either.
                 if block.strip(b"\0"):
                     copy.write(block)
                 else:
@@ -236,7 +236,7 @@ def _keep(path: Path) -> None:
 
 
 def _put_aside(path: Path) -> None:
-    """Nothing in it was acknowledged, so its name is free again; the bytes are kept all the same."""
+    """Move a file without any step to the damaged files: nothing in it was acknowledged, so its name is free again."""
     place = _free_place(path)
     structlog.get_logger("recorder").warning("a file without any step is put aside", file=path.name, kept_as=place.name)
     path.replace(place)

@@ -1,4 +1,4 @@
-"""Recordings of a folder or on their own, read back: list, steps, signals, audit."""
+"""Reading of recordings, in a folder or separate: list, steps, signals, audit."""
 
 from recorder.reading.catalogue import describe, fits, read_part, verify
 from recorder.reading.file_audit import audit

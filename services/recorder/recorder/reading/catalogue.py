@@ -1,4 +1,4 @@
-"""The recordings in a folder: what they are, which fit a search, pieces of their files, whether they are whole."""
+"""Recordings of a folder: description, search, pieces of their files, verification."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from recorder.reading.file_audit import audit
 from recorder.refused import invalid
 
 LARGEST_PART: Final = 8 * 1024 * 1024
-"""Bytes of a file in one answer."""
+"""Largest number of bytes of a file in one answer."""
 
-# More than a lab records in years, at a few hundred bytes each: who lists them often reads each file's end once.
+# More than a lab records in years, at a few hundred bytes each: repeated listing reads the end of each file once.
 _REMEMBERED: Final = 65_536
 
 
@@ -26,11 +26,12 @@ def describe(
     waiting: str = "",
     hashed: bool = True,
 ) -> recorder_pb2.RecordingInfo:
-    """Describe a recording by its files, closed ones with their SHA-256 where `hashed`.
+    """Describe a recording from its files; closed files with their SHA-256 if `hashed`.
 
-    `written`: What its writer knows; its last file is then not closed. `waiting`: Why nothing can be written to it now.
-    `closed` is false while it is written, and where its file waits for an end; a file without an end that nobody writes
-    is closed, for nothing comes any more, and `ended` tells whether its last step is there.
+    `written`: Description by the writer of an open recording; its last file is then not closed. `waiting`: Reason
+    why nothing can be written to it now. `closed` is false while it is written, and while its file waits for an end.
+    A file without an end and without a writer is closed, because no data follows; `ended` states whether its last
+    step is stored.
     """
     files = files_of(folder, name)
     information = recorder_pb2.RecordingInfo(recording=name)
@@ -67,7 +68,7 @@ def _information_of(summary: Summary) -> recorder_pb2.RecordingInfo:
 
 
 def _version(path: Path) -> tuple[Path, int, int]:
-    """Return a key for what was read of a file: another file of that name has another size or time."""
+    """Return a cache key of a file: another file with its name has another size or time."""
     status = path.stat()
     return path, status.st_size, status.st_mtime_ns
 
@@ -80,7 +81,7 @@ def _file_hash(path: Path, size: int, changed: int) -> str:
 
 @lru_cache(maxsize=_REMEMBERED)
 def _closing(path: Path, size: int, changed: int) -> recorder_pb2.RecordingInfo | None:
-    """Return what a closed file says of its recording; it is not changed by who asks."""
+    """Return the description in a closed file; callers copy it and do not change it."""
     del size, changed
     summary = read_summary(path)
     if summary is None:
@@ -122,7 +123,7 @@ def read_part(folder: Path, name: str, request: recorder_pb2.ReadRecordingReques
 
 
 def verify(folder: Path, name: str) -> recorder_pb2.VerifyResult:
-    """Read a whole recording and say what is wrong with it."""
+    """Read a whole recording and report its errors."""
     existing_file(folder, name)
     findings = audit(files_of(folder, name), name=name).findings
     return recorder_pb2.VerifyResult(recording=name, whole=not findings, findings=findings)

@@ -1,4 +1,4 @@
-"""Reading a recording to prove that it is whole: checksums, steps, hashes, signal blocks, the chain of its files."""
+"""Audit of a recording for completeness: checksums, steps, hashes, signal blocks, the chain of its files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Audit:
 
     @property
     def missing_blocks(self) -> int:
-        """Number of blocks that were announced as played and are not here."""
+        """Number of blocks that were announced as played and are missing."""
         return sum(self._missing_of(played) for played in self.content.played)
 
     def _missing_of(self, played: recorder_pb2.RunPlayed) -> int:
@@ -50,7 +50,7 @@ class Audit:
         return played.blocks if continuity is None else sum(len(gap) for gap in continuity.missing(played.blocks))
 
     def judge(self) -> None:
-        """Add a finding for each thing that does not fit together."""
+        """Add a finding for each inconsistency."""
         content = self.content
         numbers = content.step_numbers
         if numbers != list(range(len(numbers))):
@@ -76,7 +76,7 @@ class Audit:
         self._compare()
 
     def _compare(self) -> None:
-        """Compare what was read with what was noted when the last file was closed."""
+        """Compare the content with the summary that was written when the last file was closed."""
         content, summary = self.content, self.content.summary
         if summary is None:
             return
@@ -103,7 +103,7 @@ def audit(files: Sequence[Path], *, name: str = "") -> Audit:
 
 
 def _check_samples(found: Audit, files: Sequence[Path]) -> None:
-    """Read the runs again whose samples steps leave to their blocks, and compare them with the hashes of the steps."""
+    """Compare the signal blocks of runs with the hashes in the steps that leave the samples to them."""
     places: dict[tuple[str, int], list[BlockPlace]] = {}
     try:
         for path in files if found.content.named else ():
@@ -137,19 +137,19 @@ def _read_file(found: Audit, path: Path) -> None:
         found.read_whole = True
     except DAMAGE as error:
         messages = found.content.messages - first
-        # All before it was read: it is the end that lacks what ends an MCAP file.
+        # All messages were read: only the last bytes of an MCAP file are missing.
         found.read_whole = footer is not None
         reason = "it does not end as an MCAP file" if found.read_whole else reason_of(error)
         found.findings.append(f"The file {path.name} is damaged or ends after {messages} messages: {reason}.")
     except MemoryError:
-        # The reader believes a length inside a chunk; a flipped bit makes it larger than any memory.
+        # The reader trusts a length inside a chunk; a flipped bit makes it larger than any memory.
         found.findings.append(f"The file {path.name} is damaged: a length in it is impossible.")
     if footer is None and len(found.findings) == before:
         found.findings.append(f"The file {path.name} ends without its index.")
 
 
 def _check_place(found: Audit, path: Path, *, number: int, before: Path | None, name: str) -> None:
-    """Check that a file belongs where it lies: after the one whose hash it names."""
+    """Check the position of a file in the recording: it follows the file whose hash it names."""
     part = found.content.part
     if newer := newer_format(part):
         found.findings.append(f"The file {path.name} is not understood: {newer}.")
@@ -162,10 +162,10 @@ def _check_place(found: Audit, path: Path, *, number: int, before: Path | None, 
 
 
 def _index_is_sound(stream: IO[bytes], footer: Footer) -> bool:
-    """Check the checksum over the index, which the streaming reader passes over; the file has been read to its end."""
+    """Check the checksum of the index, which the streaming reader skips; the file was read to its end."""
     end = stream.tell()
     covered = range(footer.summary_start, end - _MAGIC_BYTES - _FOOTER_CRC_BYTES)
-    # A start of 0 would say that there is no index; the recorder always writes one.
+    # A start of 0 means that there is no index; the recorder always writes one.
     if not 0 < covered.start < covered.stop:
         return False
     stream.seek(covered.start)

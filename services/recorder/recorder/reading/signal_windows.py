@@ -1,4 +1,4 @@
-"""Steps and signals of a recording, read back within what one answer may take."""
+"""Steps and signals of a recording, read within the size limit of one answer."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ _MOST_SAMPLES: Final = 2.0**53
 def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowRequest) -> recorder_pb2.SignalWindow:
     """Read a part of the signals of one run from the finished files of a recording.
 
-    INVALID_ARGUMENT for a time or a channel that is none, NOT_FOUND without such a run, FAILED_PRECONDITION where it
-    may lie in a file that is not finished, DATA_LOSS where blocks are missing or a file is damaged.
+    INVALID_ARGUMENT if a time or a channel is not valid, NOT_FOUND if there is no such run, FAILED_PRECONDITION if
+    the run may be in an unfinished file, DATA_LOSS if blocks are missing or a file is damaged.
     """
     _check_time(request)
     try:
@@ -63,21 +63,21 @@ def read_window(folder: Path, name: str, request: recorder_pb2.SignalWindowReque
 
 
 def _named(folder: Path, name: str) -> str:
-    """Return which runs a recording has, as text."""
+    """Return the names of a recording's runs as text."""
     candidates = (_runs(path) for path in reversed(_finished_files(folder, name)))
     runs = next((found for found in candidates if found is not None), {})
     return ", ".join(repr(run) for _, run in runs) or "none"
 
 
 def _runs(path: Path) -> Runs | None:
-    """Return the runs that the summary of a file names; None where it has none. Read once as long as it is the same."""
+    """Return the runs in the summary of a file; None if it has no summary. Cached until the file changes."""
     status = path.stat()
     return _runs_of(path, status.st_size, status.st_mtime_ns)
 
 
 @lru_cache(maxsize=16)
 def _runs_of(path: Path, size: int, changed: int) -> Runs | None:
-    del size, changed  # They are the cache's key: another file of that name has others.
+    del size, changed  # Only part of the cache's key.
     metadata = last_metadata(path, SUMMARY_METADATA)
     return None if metadata is None else Summary.from_metadata(metadata).runs
 
@@ -91,7 +91,7 @@ def _check_time(request: recorder_pb2.SignalWindowRequest) -> None:
 
 @dataclass(frozen=True)
 class _Channels:
-    """The channels that are wanted, and their rows: a slice where it is all of them, which numpy copies faster."""
+    """The requested channels, and their rows: a slice for all of them, which numpy copies faster."""
 
     drives: list[array_pb2.Channel]
     drive_rows: list[int] | slice
@@ -120,7 +120,7 @@ def _finished_files(folder: Path, name: str) -> list[Path]:
 
 
 def _refuse_unfinished(folder: Path, name: str) -> None:
-    """Refuse where what is asked for may lie in a file without an end."""
+    """Refuse a request whose data may be in a file without an end."""
     for path in files_of(folder, name):
         if not is_finished(path):
             raise RefusedError(
@@ -133,7 +133,7 @@ def _refuse_unfinished(folder: Path, name: str) -> None:
 
 
 def _last_played(folder: Path, name: str, run: str) -> tuple[str, int]:
-    """Return on which rig a run was announced, and the epoch that was played to its end: empty and 0 where none is."""
+    """Return the rig of a run and the epoch played to its end; empty if there is no such run, 0 if none ended."""
     for path in reversed(_finished_files(folder, name)):
         for (rig, planned), known in (_runs(path) or {}).items():
             if planned == run:
@@ -155,7 +155,7 @@ def _description(folder: Path, name: str, *, rig: str) -> rig_pb2.RigDescription
 
 
 def _window(signals: RunSignals, request: recorder_pb2.SignalWindowRequest) -> tuple[int, Window, float]:
-    """Return the first sample of the part of the run that is asked for, the part, and its rate."""
+    """Return the first sample of the requested part of the run, the part, and its sample rate."""
     bound = signals.bound(request.run)
     rate = bound.sample_rate
     if not math.isfinite(request.first_second * rate):
@@ -164,7 +164,7 @@ def _window(signals: RunSignals, request: recorder_pb2.SignalWindowRequest) -> t
             field="first_second",
         )
     first = math.floor(request.first_second * rate + 0.5)
-    # Made whole only when it is bounded: the product may be infinite.
+    # Converted to an integer after it is bounded: the product may be infinite.
     samples = min(max(request.seconds * rate, 1.0), _MOST_SAMPLES)
     row_bytes = 8 * (bound.drives + bound.responses)
     if min(samples, bound.samples - first) * row_bytes > LARGEST_WINDOW_BYTES:
@@ -175,7 +175,7 @@ def _window(signals: RunSignals, request: recorder_pb2.SignalWindowRequest) -> t
             field="seconds",
         )
     last = first + math.floor(samples + 0.5)
-    # Where it cannot reach the last block, that is not read.
+    # The last block is read only if the window may reach it.
     if last > bound.samples - bound.block_samples:
         end, _, ended = signals.end(request.run)
         if first >= end:
@@ -214,16 +214,16 @@ def _answer(run: str, window: Window, *, first: int, rate: float, channels: _Cha
 
 
 LARGEST_ANSWER: Final = 16 * 1024 * 1024
-"""Bytes of steps in one answer, unless a single one is larger."""
+"""Largest number of bytes of steps in one answer, unless a single step is larger."""
 
 
 def read_steps(
     files: Sequence[Path], request: recorder_pb2.ReadStepsRequest, *, written: int | None
 ) -> recorder_pb2.RecordedSteps:
-    """Read the committed steps of a recording: as many as fit into 16 MiB, one at least.
+    """Read the committed steps of a recording: as many as fit into 16 MiB, at least one.
 
-    `written`: Steps that are known to be in the files: what follows may be only half there. None where its recorder was
-    killed: reading ends with the last whole record.
+    `written`: Number of steps that are known to be in the files; later data may be incomplete. None if the recorder
+    was killed: reading ends with the last complete record.
     """
     name = files[0].stem
     try:
@@ -256,7 +256,7 @@ def read_steps(
 
 @dataclass(frozen=True)
 class _Place:
-    """A chunk that holds `count` steps: where, and the full name of the message on each of its channels of steps."""
+    """A chunk with `count` steps, and the full name of the message on each of its channels of steps."""
 
     path: Path
     chunk: ChunkIndex
@@ -279,7 +279,7 @@ def _places(files: Sequence[Path]) -> Iterator[_Place]:
 
 
 def _steps(places: Sequence[_Place], *, first: int) -> Iterator[tuple[int, recorder_pb2.RecordedStep]]:
-    """Yield the steps from `first` on with the numbers that they must have; no chunk before is read."""
+    """Yield the steps from `first` on with their expected numbers; earlier chunks are not read."""
     before = 0
     for place in places:
         if place.count and before + place.count > first:
@@ -292,7 +292,7 @@ def _steps(places: Sequence[_Place], *, first: int) -> Iterator[tuple[int, recor
 
 
 def _add_samples(step: recorder_pb2.RecordedStep, files: Sequence[Path]) -> None:
-    """Put the samples of a run beside the step that leaves them to its signal blocks, checked against its hash."""
+    """Add the samples of a run to the step that leaves them to its signal blocks, checked against its hash."""
     kind = STEP_TYPES.get(step.message_type)
     message = None if kind is None else kind.FromString(step.payload)
     if message is None or not leaves_samples_out(message):

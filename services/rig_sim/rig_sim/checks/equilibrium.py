@@ -1,6 +1,6 @@
-"""Static equilibrium: where the rig rests with given inputs, so that a playback starts without a transient.
+"""Static equilibrium of the rig with given inputs, so that a playback starts without a transient.
 
-The linearisation there says whether the rig would stay.
+The linearisation at the equilibrium shows whether it is stable.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def linearise(
     """Return the Jacobian of the rates by central differences of `step`, in each state's own unit.
 
     `derivative` takes state (states,) and inputs (drives,) and returns rates (states,); differentiated by all states or
-    by some `columns`.
+    by the given `columns`.
     """
     chosen = range(len(state)) if columns is None else columns
     differences = np.empty((len(state), len(chosen)))
@@ -39,14 +39,14 @@ def linearise(
 
 
 _LARGEST_ITERATIONS = 60
-#: Of the differences that Newton's method goes by, in each state's own unit.
+#: Step of the differences in Newton's method, in each state's own unit.
 _STEP = 1.0e-7
 #: Largest rate that counts as rest, in each state's own unit per second (m/s^2, rad/s^2, MPa/s).
 _REST = 1.0e-6
 
 
 class NoEquilibriumError(ValueError):
-    """A rig that does not come to rest, in one sentence."""
+    """No equilibrium of a rig, in one sentence."""
 
 
 def find_equilibrium(
@@ -54,8 +54,8 @@ def find_equilibrium(
 ) -> np.ndarray:
     """Return the equilibrium under constant inputs, in each channel's unit; the search starts from the design state.
 
-    Velocities are zero, and so is the hysteretic friction: it has no unique value at rest. Raises `NoEquilibriumError`
-    where Newton's method from the design position, or `start`, ends with something still moving; names the state.
+    Velocities are zero, and so is the hysteretic friction, which has no unique value at rest. Raises
+    `NoEquilibriumError` if Newton's method from the design position, or `start`, does not converge; names the state.
     """
     state = (model.design_state if start is None else start).copy()
     free = _unknowns(model)
@@ -67,12 +67,12 @@ def find_equilibrium(
         jacobian = linearise(derivative, state, inputs, step=_STEP, columns=free)
         if not (np.all(np.isfinite(rates)) and np.all(np.isfinite(jacobian))):
             break
-        # Rows differ by orders of magnitude (m/s^2 beside MPa/s); scaled rows keep the solution well conditioned. What
-        # no unknown can change has a row of zeros and stays unchanged.
+        # Rows differ by orders of magnitude (m/s^2 and MPa/s); scaled rows keep the solution well conditioned. A rate
+        # that no unknown can change has a row of zeros and stays unchanged.
         size = np.linalg.norm(jacobian, axis=1)
         scale = 1.0 / np.where(size > 0.0, size, 1.0)
         step = np.linalg.lstsq(jacobian * scale[:, None], -rates * scale, rcond=1.0e-13)[0]
-        # A long first step would fold a linkage over: nothing moves by more than 5 cm, 3 degrees or 5 MPa at once.
+        # A long first step would fold a linkage over: no state changes by more than 5 cm, 3 degrees or 5 MPa at once.
         state[free] += step / max(np.max(np.abs(step) / trust), 1.0)
         model.normalise_quaternions(state)
         rates = derivative(state, inputs)
@@ -84,7 +84,7 @@ def find_equilibrium(
 
 
 def _unknowns(model: RigModel) -> np.ndarray:
-    """Positions, and the states of elements that settle; not velocities, which are zero."""
+    """Return the indices of positions and of settling states of elements; velocities are zero."""
     keep = list(range(model.position_count))
     for element in model.assembly.elements:
         if element.settles:
@@ -95,16 +95,16 @@ def _unknowns(model: RigModel) -> np.ndarray:
 
 Complex = np.ndarray[Any, np.dtype[np.complex128]]
 
-#: Largest growth that counts as none, in 1/s: what differences leave of the zeros of friction and standing tyres.
+#: Largest growth that counts as none, in 1/s: difference errors of the zeros of friction and standing tyres.
 _LARGEST_GROWTH = 1.0e-2
 
 
 class UnstableError(ValueError):
-    """A rig that leaves its rest by itself, in one sentence."""
+    """Instability of a rig at rest, in one sentence."""
 
 
 def check_stability(linearisation: np.ndarray, names: Sequence[str]) -> None:
-    """Raise `UnstableError` where a motion grows from the rest; names the state with most of it, and how fast."""
+    """Raise `UnstableError` if a motion grows from rest; names the state with the largest part in it, and its rate."""
     values, vectors = cast(tuple[Complex, Complex], np.linalg.eig(linearisation))
     fastest = int(np.argmax(values.real))
     growth, turning = float(values[fastest].real), float(abs(values[fastest].imag) / (2.0 * np.pi))

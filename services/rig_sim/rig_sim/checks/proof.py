@@ -1,8 +1,8 @@
-"""Proof at load: the compiled player's derivative and responses at random states, or no start.
+"""Proof at load: the compiled player must agree with Drake at random states, or the rig does not start.
 
-Drake judges the mechanics: it gets the same positions and velocities, and as external forces what the elements of the
-YAML do; tree, gravity and the linear elements of the SDF it works out by itself. The rates of the elements' own states
-(hydraulics, rubber, tyres), which Drake knows nothing of, are held against plain numpy.
+Drake verifies the mechanics: it gets the same positions and velocities, and the forces of the YAML's elements as
+external forces; it computes tree, gravity and the linear elements of the SDF itself. The rates of the elements' own
+states (hydraulics, rubber, tyres), which are not in Drake, are compared with plain numpy.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from rig_sim.model import Evaluation, RigModel
 
 LARGEST_ERROR = 1.0e-9
 STATES = 24
-#: Of each rig in a batch, whose single player was proven at all of them.
+#: Number of states of each rig in a batch, whose single player was proven at all `STATES`.
 STATES_IN_LANES = 3
 
 
 class ProofError(RuntimeError):
-    """The player disagrees with Drake, in one sentence."""
+    """Disagreement of the player and Drake, in one sentence."""
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,14 @@ class DrakeAnswers:
 def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, seed: int = 0) -> Proof:
     """Compare the compiled player with Drake at random states around the design position.
 
-    Raises `ProofError` where a difference is above 1e-9; names the freedom or channel and both values.
+    Raises `ProofError` if a difference is above 1e-9; names the degree of freedom or channel and both values.
     """
     rng = np.random.default_rng(seed)
     n_q, n_v = model.position_count, model.assembly.tree.velocity_count
     names = model.state_names
     worst = np.zeros(4)
     drawn = [(random_state(model, rng), _random_inputs(model, rng)) for _ in range(STATES)]
-    # Once for all of them: the model in Python takes a hundred times as long as its numbers.
+    # Once for all of them: the model in Python takes a hundred times as long as its computation.
     evaluation = model.evaluate(*(at_once(np.array(rows)) for rows in zip(*drawn, strict=True)))
     for instant, (state, inputs) in enumerate(drawn):
         drake = drake_answers(model, plant, state, inputs, evaluation, instant=instant)
@@ -79,7 +79,7 @@ def prove(model: RigModel, compiled: CompiledModel, plant: MultibodyPlant, *, se
 def check_lanes(lanes: LaneModel, rigs: Sequence[tuple[RigModel, CompiledModel]], *, seed: int = 0) -> float:
     """Compare rigs in lanes with their single players, which are proven, at random states; return the largest error.
 
-    Raises `ProofError` as `prove` does.
+    Raises `ProofError` as `prove`.
     """
     rng = np.random.default_rng(seed)
     worst = 0.0
@@ -117,7 +117,7 @@ def _compare(own: np.ndarray, right: np.ndarray, names: tuple[str, ...], *, judg
 
 
 def _compare_responses(model: RigModel, own: np.ndarray, right: np.ndarray, *, judge: str = "Drake") -> float:
-    """Compare the responses unit by unit: newtons say nothing about metres."""
+    """Compare the responses unit by unit, because newtons and metres are not comparable."""
     channels = model.assembly.specimen.responses
     worst = 0.0
     for unit in {channel.unit: None for channel in channels}:
@@ -151,11 +151,11 @@ def drake_answers(
     *,
     instant: int = 0,
 ) -> DrakeAnswers:
-    """Ask Drake about a state in which the elements of the YAML do what `evaluation` says.
+    """Evaluate Drake at a state, with the forces of the YAML's elements from `evaluation`.
 
-    `instant`: Of the numbers of an evaluation of many states, those of this state.
+    `instant`: Index of this state in an evaluation of many states.
     """
-    # pydrake's stubs take dtype parameters for shapes, so its arrays fit numpy's types nowhere.
+    # pydrake's stubs use dtype parameters as shapes, so its arrays do not match numpy's types.
     drake = cast(Any, plant)
     context = plant.CreateDefaultContext()
     n_q, n_v = model.position_count, model.assembly.tree.velocity_count
@@ -171,7 +171,7 @@ def drake_answers(
 
 
 def _apply_own_effect(plant: MultibodyPlant, context: Context, evaluation: Evaluation, instant: int) -> None:
-    """Fix Drake's force inputs to what the elements of the YAML do."""
+    """Set Drake's force inputs to the forces of the YAML's elements."""
     forces = []
     for index, wrench in enumerate(evaluation.own_effect.wrenches[1:], start=1):
         origin = taken(evaluation.motion.poses[index].origin, instant)

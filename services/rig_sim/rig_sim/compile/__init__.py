@@ -1,7 +1,7 @@
 """The compiled player: trace a model, generate straight-line code for it, integrate it.
 
-Write a model once with operators and the functions of :mod:`rig_sim.compile.numeric`; run it plain on floats to check
-it, and compiled to play it.
+A model is written once with operators and the functions of :mod:`rig_sim.compile.numeric`; it runs on plain floats to
+be checked, and compiled to be played.
 """
 
 from rig_sim.compile.code_cache import FOLDER_VARIABLE, cached_model

@@ -1,7 +1,7 @@
-"""Machine code of compiled models on disk, so that a rig that was compiled before is there at once.
+"""Machine code of compiled models on disk, so that a rig that was compiled before starts at once.
 
-A file is named after all that decides the code: what the caller says of the model, the compiler and the processor. What
-is read is proved against Drake like any other code, at every load.
+The name of a file is a hash of all that determines the code: the caller's key, the compiler and the processor. Code
+from a file is proven against Drake like any other code, at every load.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ from rig_sim.compile.compiled_model import CompiledModel, CompiledModule, compil
 from rig_sim.compile.constants import ConstantTable, with_constants
 
 FOLDER_VARIABLE: Final = "DURALAB_CODE_CACHE"
-"""Names another folder for the code; `off` keeps none."""
+"""Environment variable with another folder for the code; `off` disables the cache."""
 
 MOST_FILES: Final = 256
-"""Of more, those that were not used for longest are deleted; a rig has two, of 300 kB, and a structure too."""
+"""Largest number of files; beyond it the least recently used are deleted. A rig has two of 300 kB, as a structure."""
 
 _SUFFIX: Final = ".code"
 _COMPILERS: Final = ("llvmlite", "numpy", "drake")
 
 
 def cached_model(key: str, compile_it: Callable[[], CompiledModel]) -> CompiledModel:
-    """Return the model of a key: as it was compiled before on this machine, or compiled now and kept.
+    """Return the model of a key: from the cache of this machine, or compiled and stored.
 
-    `key`: Differs where anything of the model or of the generator does. Whatever keeps the code from being read or
-    written is logged, and the model is compiled.
+    `key`: Differs if anything in the model or in the generator differs. An error in reading or writing the code is
+    logged, and the model is compiled.
     """
     return _kept(key, compile_it, link=_linked, describe=_described)
 
 
 def shared_model(said: str, table: ConstantTable, compile_it: Callable[[], CompiledModel]) -> CompiledModel:
-    """Return a model by the code of any model of its structure, with its own constants.
+    """Return a model from the code of any model of its structure, with its own constants.
 
-    `said`: What decides the code beside the table's structure and the sources of this package. Where there is no code
-    yet, the model is compiled; code that holds a number computed from its constants is not kept for others.
+    `said`: Parameters of the code, in addition to the table's structure and the sources of this package. If there is no
+    code yet, the model is compiled; code with a number computed from its constants is not stored for other models.
     """
 
     def linked(code: bytes, described: dict[str, Any]) -> CompiledModel:
@@ -64,13 +64,13 @@ def shared_model(said: str, table: ConstantTable, compile_it: Callable[[], Compi
 
 @cache
 def _generator() -> str:
-    """Return the SHA-256 of the sources of this package, which write the code."""
+    """Return the SHA-256 of the sources of this package, which generate the code."""
     sources = sorted(Path(__file__).parent.glob("*.py"))
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
 
 
 def cached_module(text: str) -> CompiledModule:
-    """Return the machine code of a module's text, kept as that of models is."""
+    """Return the machine code of a module's text, cached as that of models."""
     return _kept(text, lambda: compile_module(text), link=lambda code, _: link_module(code), describe=lambda _: {})
 
 
@@ -84,7 +84,7 @@ def _kept(
     link: Callable[[bytes, dict[str, Any]], _Made],
     describe: Callable[[_Made], dict[str, Any] | None],
 ) -> _Made:
-    """Return what a file of a key holds, or what is made now and kept, unless there is no description of it."""
+    """Return the object in a key's file, or make it and store it, unless it has no description."""
     folder = _folder()
     if folder is None:
         return make()
@@ -118,7 +118,7 @@ def _digest(key: str) -> str:
 def _read(path: Path, link: Callable[[bytes, dict[str, Any]], _Made]) -> _Made | None:
     try:
         with path.open("rb") as stream:
-            # Code that another user could have written is not run.
+            # Code that another user could have written is not executed.
             if not (_is_own(os.fstat(stream.fileno())) and _is_own(path.parent.stat())):
                 _say("Compiled code is not used: others may write to its folder.", path)
                 return None

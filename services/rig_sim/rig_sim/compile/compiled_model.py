@@ -14,17 +14,17 @@ from numpy.typing import ArrayLike
 
 from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Method, play_symbol
 
-#: Called where the processor has no such instruction.
+#: Functions called on processors without the instruction.
 _LIBM = ("fma", "floor")
 
 
 @dataclass(frozen=True)
 class CompiledModule:
-    """Machine code; it stays in memory as long as this object, and no address may outlive it."""
+    """Machine code in memory; its addresses are valid only during the lifetime of this object."""
 
     engine: llvm.ExecutionEngine
     code: bytes
-    """The object file that it is."""
+    """Object file of the machine code."""
 
     def address(self, symbol: str) -> int:
         """Return the address of a function."""
@@ -42,7 +42,7 @@ def compile_module(text: str, *, optimization: int = 2) -> CompiledModule:
     module.verify()
     target = _target(optimization)
     tuning = llvm.create_pipeline_tuning_options(speed_level=optimization)
-    # Packing neighbouring scalars gains 1 to 3 % on traced models: lanes are the place for vectors.
+    # Packing neighbouring scalars gains only 1 to 3 % on traced models: lanes use the vectors.
     tuning.slp_vectorization = False
     builder = llvm.create_pass_builder(target, tuning)
     builder.getModulePassManager().run(module, builder)
@@ -50,15 +50,15 @@ def compile_module(text: str, *, optimization: int = 2) -> CompiledModule:
 
 
 def link_module(code: bytes, context: llvm.ContextRef | None = None) -> CompiledModule:
-    """Return a module that was compiled before; of another processor it would crash: see that it is of this one."""
+    """Return a module compiled before; the caller must check that it was for this processor, or it crashes."""
     _initialize()
     context = context or llvm.create_context()
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly("", context), _target(0))
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     compiled = CompiledModule(engine, code)
-    # The garbage collector finalises what is in a cycle in any order; the engine must go before the context of its
-    # module, or LLVM reads freed memory. Held here, neither is garbage before the module of both is.
+    # The garbage collector finalises a cycle in any order; the engine must be closed before the context of its
+    # module, or LLVM reads freed memory. Held here, both live as long as their module.
     weakref.finalize(compiled, _dispose, engine, context).atexit = False
     return compiled
 
@@ -78,7 +78,7 @@ def _dispose(engine: llvm.ExecutionEngine, context: llvm.ContextRef) -> None:
 def _initialize() -> None:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    # LLVM looks symbols up in the process, where a statically linked Python has no libm: name the addresses.
+    # LLVM looks up symbols in the process, where a statically linked Python has no libm: register the addresses.
     library = ctypes.CDLL("libm.so.6" if sys.platform == "linux" else ctypes.util.find_library("m"))
     for name in _LIBM:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
@@ -95,13 +95,13 @@ class Playback:
     Attributes
     ----------
     outputs : ndarray, (outputs, samples)
-        At the sample instants; ends before the sample at which the model diverged.
+        Outputs at the sample instants, up to the sample before the model diverged.
     state : ndarray, (states,)
-        At the instant after the last sample, or where the model diverged: the start of the next chunk.
+        State at the instant after the last sample, or where the model diverged: start of the next chunk.
     diverged_at : int or None
-        The sample whose state was not finite or out of bounds, 0 to samples; None if there is no such sample.
+        Sample with a state that is not finite or out of bounds, 0 to samples; None if there is no such sample.
     diverged_states : tuple of str
-        Which states these were.
+        Names of these states.
     """
 
     outputs: np.ndarray
@@ -128,7 +128,7 @@ class Run:
 
 
 class NamedModel:
-    """A model's states, inputs and outputs by name, and checks of what it is given."""
+    """Names of a model's states, inputs and outputs, and checks of its arguments."""
 
     def __init__(
         self, *, state_names: tuple[str, ...], input_names: tuple[str, ...], output_names: tuple[str, ...]
@@ -187,7 +187,7 @@ class CompiledModel(NamedModel):
     """A model as machine code. Made by :func:`compile_model`; may be called from several threads at once.
 
     `operation_count`: Operations of one evaluation of the derivative, both sides of a mirrored model counted. `lanes`:
-    2 where both sides of the model are computed as lanes of vectors, else 1.
+    2 if both sides of the model are computed as lanes of vectors, else 1.
     """
 
     def __init__(
@@ -208,13 +208,13 @@ class CompiledModel(NamedModel):
         self.operation_count = operation_count
         self.state_order = state_order
         self.lanes = 1 if state_order is None else 2
-        # Where the code has the states in another order: which state is at each place, and the place of each state.
+        # If the code has another order of the states: the state at each place, and the place of each state.
         self._order = np.arange(len(state_names)) if state_order is None else np.array(state_order)
         self._places = np.argsort(self._order)
 
     @property
     def code(self) -> bytes:
-        """The object file of its machine code."""
+        """Object file of the machine code."""
         return self._module.code
 
     def derivative(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:

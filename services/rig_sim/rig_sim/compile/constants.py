@@ -1,8 +1,8 @@
-"""Constants of a model in a table beside its code, so that models that differ in nothing else share their code.
+"""Table of a model's constants beside its code, so that models that differ only in constants share their code.
 
-A sweep over tolerances compiles one structure once. What is decided about the code from the values of constants is only
-which of them have equal magnitudes, their signs, and where one of a few numbers stands that the writer knows: all that
-is in `ConstantTable.structure`, and models of one structure have the same code.
+A sweep over tolerances compiles one structure once. The code depends on the constants' values only by which of them
+have equal magnitudes, by their signs, and by the places of a few numbers that the writer uses itself: all that is in
+`ConstantTable.structure`, and models of one structure have the same code.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from rig_sim.compile.tracing import TracedModel, creation_order
 
 SYMBOL: Final = "constants"
 _SLOT_BYTES: Final = 16
-#: What the table in an object file is found by: the numbers are as likely as any other 32 bytes.
+#: Mark of the table in an object file, as improbable there as any other 32 bytes.
 _MARK: Final = hashlib.sha256(b"table of a model's constants").digest()
-#: Numbers that a structure may be made of, beside those that functions are written out with.
+#: Numbers that a structure may contain, in addition to those of written-out functions.
 _PLAIN: Final = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 
 Entry = int | float
@@ -30,17 +30,17 @@ Entry = int | float
 
 
 class ConstantTable:
-    """Table of the constants of one traced model; the writers of its code ask for places in it.
+    """Table of the constants of one traced model; the writers of its code request places in it.
 
     `structure`: Digest of the model without the values of its constants. `complete`: Whether the code holds no number
-    that was computed from constants of the model, so that other models of the structure can use it.
+    computed from constants of the model, so that other models of the structure can use it.
     """
 
     def __init__(self, traced: TracedModel) -> None:
         results = (*traced.derivative, *traced.outputs)
         nodes = creation_order((*traced.state, *traced.inputs, *results))
         magnitudes: dict[float, int] = {}
-        # The mirror of two sides is looked for with constants of ten digits.
+        # The mirror of two sides is searched with constants of ten digits.
         rounded: dict[str, int] = {f"{number:.9e}": place for place, number in enumerate(sorted(_written()))}
         digest = hashlib.sha256()
         places = {node.index: place for place, node in enumerate(nodes)}
@@ -65,11 +65,11 @@ class ConstantTable:
 
     @property
     def slots(self) -> list[list[Entry]]:
-        """What stands at each place, one or two numbers of 16 bytes."""
+        """Content of each place, one or two numbers in 16 bytes."""
         return [list(entries) for entries in self._slots]
 
     def place(self, values: Sequence[float]) -> int | None:
-        """Return in which byte of the table one or two numbers stand; None where the code itself should hold them."""
+        """Return the byte of the table with one or two numbers; None if the code itself must hold them."""
         entries = tuple(self._entry(value) for value in values)
         if all(isinstance(entry, float) for entry in entries):
             return None
@@ -87,14 +87,14 @@ class ConstantTable:
         """Write the table with the model's own values."""
         content = _MARK + self.content(self.slots)
         numbers = (f"double 0x{number:016X}" for (number,) in struct.iter_unpack("<Q", content))
-        # No constant of LLVM's, whose value it would take into the code; the loads say that nothing writes to it.
+        # Not an LLVM constant, whose value would be inlined; the loads declare that it is never written.
         return (
             f"@{SYMBOL} = dso_local global [{len(content) // 8} x double] [{', '.join(numbers)}], align 64\n"
             "!0 = !{}\n"
         )
 
     def content(self, slots: Sequence[Sequence[Entry]]) -> bytes:
-        """Return a table with the values of this model; raises ValueError where it has no such constants."""
+        """Return a table with the values of this model; raises ValueError if it lacks such constants."""
         values = list(self._magnitudes)
         table = np.zeros((len(slots), 2))
         for row, entries in zip(table, slots, strict=True):
@@ -114,7 +114,7 @@ def load_text(name: str, kind: str, place: int) -> str:
 
 
 def with_constants(code: bytes, content: bytes) -> bytes:
-    """Return an object file with other numbers in its table; raises ValueError where it has not one table of them."""
+    """Return an object file with other numbers in its table; raises ValueError unless it has exactly one table."""
     begin = code.find(_MARK)
     if begin < 0 or code.find(_MARK, begin + 1) >= 0 or begin + len(_MARK) + len(content) > len(code):
         raise ValueError("its code has no table of constants of that size")
@@ -124,5 +124,5 @@ def with_constants(code: bytes, content: bytes) -> bytes:
 
 @cache
 def _written() -> frozenset[float]:
-    """Return the magnitudes that stand in the code itself."""
+    """Return the magnitudes that the code itself contains."""
     return frozenset((*numbers_written_out(), *_PLAIN))

@@ -1,9 +1,9 @@
-"""Write transcendental functions as sums and products, so that they run in the lanes of vectors like all else.
+"""Write transcendental functions as sums and products, so that they run in the lanes of vectors.
 
 A call of the mathematical library computes one lane at a time, and every register must be saved around it. Here a
-traced model gets a twin in which each function is its argument brought near zero and a Taylor polynomial there, with no
-branch: errors stay within a few units in the last place for all finite arguments (tests hold them to numpy's). What is
-given up is the sign of a zero; an angle beyond 2^50 rad, whose last digit is a fifth of a radian, gives NaN.
+traced model is copied with each function as a reduction of its argument to near zero and a Taylor polynomial, without
+branches: errors stay within a few units in the last place for all finite arguments (tests compare with numpy). The
+sign of a zero is lost; an angle beyond 2^50 rad, whose last digit is a fifth of a radian, gives NaN.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ _LARGEST_ANGLE = 2.0**50
 _BEYOND = 1.0e300  # times an angle above that: infinite, hence NaN
 _TAN_PI_8 = math.sqrt(2.0) - 1.0
 _SMALLEST = 5.0e-324
-# Where the exponential is 0 or infinite, and where the hyperbolic tangent is 1, to the last digit.
+# Arguments at which the exponential is 0 or infinite, and the hyperbolic tangent is 1, to the last digit.
 _LOWEST_POWER, _HIGHEST_POWER, _SATURATED = -746.0, 710.0, 20.0
 
 
 def _parts(number: Fraction, count: int, *, bits: int = 53) -> list[float]:
-    """Split a number into doubles of falling size, all positive, whose sum it is."""
+    """Split a number into positive doubles of decreasing size that add up to it."""
     parts = []
     for _ in range(count):
         unit = Fraction(2) ** (math.frexp(float(number))[1] - bits)
@@ -66,7 +66,7 @@ def _floor(x: Expression) -> Expression:
 
 
 def _fused(a: Expression, b: float, c: Expression) -> Expression:
-    """Return a*b + c with one rounding, also where products and sums must not be fused otherwise."""
+    """Return a*b + c with one rounding, also if products and sums are not fused elsewhere."""
     return a.graph.apply(Operation.FUSED, a, b, c)
 
 
@@ -75,7 +75,7 @@ def _select(condition: Expression, positive: Expression | float, negative: Expre
 
 
 def _quarters(angle: Expression) -> tuple[Expression, Expression]:
-    """Return the number of quarter turns in an angle, and what is left, within pi/4.
+    """Return the number of quarter turns in an angle, and the rest, within pi/4.
 
     The first of three subtractions is exact: both terms are multiples of 2^-52 and their difference is below 1 (Boldo,
     Daumas and Li, Formally Verified Argument Reduction with a Fused Multiply-Add, IEEE Trans. Comput. 58, 2009).
@@ -89,7 +89,7 @@ def _quarters(angle: Expression) -> tuple[Expression, Expression]:
 
 
 def _both(angle: Expression) -> tuple[Expression, Expression, Expression, Expression]:
-    """Return sine and cosine of what is left of an angle; then whether they change places, and the sine's sign."""
+    """Return sine and cosine of the rest of an angle, whether they are exchanged, and the sine's sign."""
     turns, left = _quarters(angle)
     square = left * left
     sine = left + left * (square * _polynomial(square, _SINE))
@@ -128,7 +128,7 @@ def _clamped(x: Expression, lowest: float, highest: float) -> Expression:
 
 def _exponential(x: Expression) -> Expression:
     whole, less_one = _powers(_clamped(x, _LOWEST_POWER, _HIGHEST_POWER))
-    # In two factors: the power itself may be below the smallest or above the largest number.
+    # In two factors: the power itself may underflow or overflow.
     half = _floor(whole * 0.5)
     return (1.0 + less_one) * _power_of_two(half) * _power_of_two(whole - half)
 
@@ -144,7 +144,7 @@ def _angle_of_point(y: Expression, x: Expression) -> Expression:
     across, along = abs(y), abs(x)
     graph = y.graph
     short, long = graph.apply(Operation.MINIMUM, across, along), graph.apply(Operation.MAXIMUM, across, along)
-    # Above pi/8 measured from pi/4; one quotient serves both.
+    # Above pi/8 relative to pi/4; one quotient is enough for both.
     narrow = _TAN_PI_8 * long - short
     top = _select(narrow, short, short - long)
     tangent = top / graph.apply(Operation.MAXIMUM, _select(narrow, long, short + long), _SMALLEST)
@@ -171,7 +171,7 @@ _EXPANSIONS: dict[Operation, Callable[..., Expression]] = {
 
 
 def numbers_written_out() -> Iterator[float]:
-    """Return the magnitudes of the constants that functions are written out with."""
+    """Return the magnitudes of the constants in written-out functions."""
     graph = Graph()
     x, y = graph.input("x"), graph.input("y")
     functions = [graph.apply(function, *((x, y) if function is Operation.ATAN2 else (x,))) for function in _EXPANSIONS]

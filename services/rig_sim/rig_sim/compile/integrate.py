@@ -1,6 +1,6 @@
-"""The player's loop: an explicit Runge-Kutta method with a fixed step, as LLVM IR.
+"""Loop of the player: an explicit Runge-Kutta method with a fixed step, as LLVM IR.
 
-It is in the same module as the model it integrates: no second compiler, no cache on disk, no Python in the loop.
+It is in the same module as the integrated model: no second compiler, no cache on disk, no Python in the loop.
 Calling it through ctypes releases the GIL.
 
 Two functions of the model are expected, both of ``n`` states and ``n_u`` inputs::
@@ -14,8 +14,8 @@ are computed once a sample. The loop's own function, one for each method, is::
     int64 play_METHOD(double *state, const double *commands, int64 command_stride, double *outputs, int64 output_stride,
                int64 samples, int64 substeps, double step, const double *bounds)
 
-Of several rigs in the lanes of vectors every ``double`` in an array is a vector, and each function gets one more array
-after ``inputs`` or ``bounds``: the constants in which the rigs differ. The loop ends where any lane is out of bounds.
+For several rigs in the lanes of vectors every ``double`` in an array is a vector, and each function gets one more array
+after ``inputs`` or ``bounds``: the constants that differ between the rigs. The loop ends if any lane is out of bounds.
 """
 
 from __future__ import annotations
@@ -37,11 +37,10 @@ Rational = Fraction | int
 
 @dataclass(frozen=True)
 class Tableau:
-    """Butcher's tableau of a method.
+    """Butcher tableau of a method.
 
-    `order`: The power of the step with which its error falls. `nodes`: Where in the step each stage lies, 0 to 1.
-    `stages`: For each stage after the first, the shares of the slopes before it. `weights`: The shares of all slopes in
-    the step.
+    `order`: Order of the error in the step. `nodes`: Position of each stage in the step, 0 to 1. `stages`: For each
+    stage after the first, the shares of the earlier slopes. `weights`: The shares of all slopes in the step.
     """
 
     order: int
@@ -50,7 +49,7 @@ class Tableau:
     weights: tuple[Rational, ...]
 
     def growth(self) -> tuple[Fraction, ...]:
-        """Return the polynomial, lowest power first, of rate times step by which a step multiplies a linear motion.
+        """Return the polynomial of rate times step, lowest power first, by which a step multiplies a linear motion.
 
         Its coefficients are 1, then b'A^(k-1)1; up to the order they are those of the exponential. Butcher, Numerical
         Methods for Ordinary Differential Equations, section 238.
@@ -67,20 +66,20 @@ class Tableau:
 class Method(Enum):
     """Method of a fixed step."""
 
-    #: The classical one: 4 evaluations a step.
+    #: Classical method: 4 evaluations a step.
     RUNGE_KUTTA_4 = "runge_kutta_4"
-    #: Verner's of order 6, 7 evaluations: with steps twice as long as the classical one's it is cheaper, stable
-    #: further and more exact, where the drive's kinks at the samples are what a step must not straddle.
+    #: Verner's method of order 6, 7 evaluations: with steps twice as long as the classical one's it is cheaper, has a
+    #: larger stable range and is more exact, if no step crosses the drive's kinks at the samples.
     VERNER_6 = "verner_6"
 
     @property
     def tableau(self) -> Tableau:
-        """Its coefficients."""
+        """Coefficients of the method."""
         return _TABLEAUS[self]
 
 
 def amplification(z: np.ndarray, method: Method) -> np.ndarray:
-    """Return by how much one step multiplies a motion."""
+    """Return the factor by which one step multiplies a motion."""
     total: np.ndarray[Any, Any] = np.zeros_like(z)
     for coefficient in reversed(_growth(method)):
         total = total * z + coefficient
@@ -89,7 +88,7 @@ def amplification(z: np.ndarray, method: Method) -> np.ndarray:
 
 @cache
 def _growth(method: Method) -> tuple[float, ...]:
-    """Return the polynomial of a method in doubles: exact fractions are dear, and a search asks a hundred times."""
+    """Return the polynomial of a method in doubles: exact fractions are slow, and a search needs it a hundred times."""
     return tuple(float(coefficient) for coefficient in method.tableau.growth())
 
 
@@ -102,7 +101,7 @@ _TABLEAUS = {
         weights=(_F(1, 6), _F(1, 3), _F(1, 3), _F(1, 6)),
     ),
     # Verner, Explicit Runge-Kutta Methods with Estimates of the Local Truncation Error, SIAM J. Numer. Anal. 15 (1978),
-    # the pair of orders 6 and 5 known as DVERK. Its sixth stage serves the estimate of the error alone: left out.
+    # the pair of orders 6 and 5 known as DVERK. Its sixth stage is only for the error estimate and is left out.
     Method.VERNER_6: Tableau(
         order=6,
         nodes=(0, _F(1, 6), _F(4, 15), _F(2, 3), _F(5, 6), _F(1, 15), 1),
@@ -180,7 +179,7 @@ def play_text(*, states: int, inputs: int, outputs: int, kind: Kind = DOUBLE) ->
 
 
 def _spread(kind: Kind, number: str) -> tuple[str, str]:
-    """Return the lines that put a number into every lane, and where it then is."""
+    """Return the lines that put a number into every lane, and the name of the result."""
     if kind is DOUBLE:
         return "", number
     numbers, indices = kind.numbers, kind.constant("0", element="i32")
@@ -251,21 +250,21 @@ end:
 
 
 def play_symbol(method: Method) -> str:
-    """Return the name of the loop that takes its steps by a method."""
+    """Return the name of the loop of a method."""
     return f"play_{method.value}"
 
 
 class _Loop:
-    """The loops of one model, written by method."""
+    """Loops of one model, one for each method."""
 
     def __init__(self, kind: Kind, *, states: int, inputs: int, outputs: int) -> None:
         self._kind = kind
         self._states, self._inputs, self._outputs = states, inputs, outputs
-        # What rigs in lanes differ by.
+        # Constants that differ between rigs in lanes.
         self._constants = "" if kind is DOUBLE else ", ptr %constants"
 
     def text(self, method: Method) -> str:
-        """Write the loop that takes its steps by a method."""
+        """Write the loop of a method."""
         tableau = method.tableau
         name = play_symbol(method)
         combinations = [
@@ -290,7 +289,7 @@ class _Loop:
         return "\n".join([*combinations, play])
 
     def _stages(self, tableau: Tableau, name: str) -> list[str]:
-        """Write the stages after the first; commands are interpolated where the node is another one than before."""
+        """Write the stages after the first; commands are interpolated if the node differs from the one before."""
         lines = []
         for stage, shares in enumerate(tableau.stages, start=1):
             node = tableau.nodes[stage]
@@ -312,7 +311,7 @@ def _call(name: str, shares: Sequence[Rational], moved: str) -> str:
 
 
 def _combination(name: str, shares: Sequence[Rational], *, states: int, kind: Kind) -> str:
-    """Write ``moved = start + step * sum(share * slope)``; slopes without a share are no argument."""
+    """Write ``moved = start + step * sum(share * slope)``; slopes without a share are not arguments."""
     used = [(stage, float(share)) for stage, share in enumerate(shares) if share]
     pointers = "".join(f"ptr noalias readonly %slope{stage}, " for stage, _ in used)
     numbers, align = kind.numbers, "" if kind is DOUBLE else ", align 8"
@@ -344,7 +343,7 @@ def _combination(name: str, shares: Sequence[Rational], *, states: int, kind: Ki
 def _product_and_sum(kind: Kind, a: str, b: str, addend: str, *, number: str) -> list[str]:
     """Write ``%sum = addend + a * b``.
 
-    Of one rig the compiler may fuse them. In lanes they are fused here, so that every width has the same roundings.
+    For one rig the compiler may fuse them. In lanes they are fused here, so that every width has the same roundings.
     """
     numbers = kind.numbers
     if kind is DOUBLE:
@@ -356,8 +355,8 @@ def _product_and_sum(kind: Kind, a: str, b: str, addend: str, *, number: str) ->
     return [f"  %sum{number} = call {numbers} @llvm.fma.{kind.suffix}({operands})"]
 
 
-# Fractions of the sample are formed from the substep's number, not accumulated: nothing but the state is carried from
-# sample to sample, so chunks give the bits of one long call.
+# Fractions of the sample are computed from the substep's number, not accumulated: only the state is carried from
+# sample to sample, so chunks give the same bits as one long call.
 _PLAY = """
 define i64 @{name}(ptr noalias %state, ptr noalias %commands, i64 %command.stride, ptr noalias %outputs,
                    i64 %output.stride, i64 %samples, i64 %substeps, double %step,

@@ -1,8 +1,8 @@
-"""Several rigs of one structure as machine code, one in each lane of a vector: the player of batches.
+"""Machine code for several rigs of one structure, one in each lane of a vector: the player of batches.
 
-Arrays are [place][lane]. What a lane computes depends on its own numbers alone: products are fused with sums where this
-package says so, not where a compiler does, so a playback has the same bytes in every lane, beside any others, and in
-vectors of any width.
+Arrays are [place][lane]. The result of a lane depends on its own numbers only: this package, not a compiler, decides
+which products and sums are fused, so a playback has the same bytes in every lane, beside any others, and in vectors
+of any width.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from rig_sim.compile.tracing import Expression, TracedModel
 from rig_sim.compile.variants import Variants, fused
 
 WIDTHS: Final = (4, 8)
-"""Rigs in a vector: AVX2 has four doubles, AVX-512 eight."""
+"""Numbers of rigs in a vector: AVX2 has four doubles, AVX-512 eight."""
 
 _ALIGNMENT: Final = 64
 _OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)
@@ -32,21 +32,21 @@ _OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)
 
 @cache
 def widest_lanes() -> int:
-    """Return how many doubles a vector of this processor has; 1 where rigs are played one by one."""
+    """Return the number of doubles in a vector of this processor; 1 if rigs are played one by one."""
     features = llvm.get_host_cpu_features()
     if features.get("avx512f") and features.get("avx512dq"):
         return 8
-    # Without fused operations each lane would call the mathematical library for one.
+    # Without fused operations each lane would call the mathematical library.
     return 4 if features.get("avx2") and features.get("fma") else 1
 
 
 def lane_width(rigs: int) -> int:
-    """Return the width for so many rigs: the narrowest that seats all of them, else the widest."""
+    """Return the vector width for a number of rigs: the narrowest that holds all of them, else the widest."""
     return next((width for width in WIDTHS if rigs <= width <= widest_lanes()), widest_lanes())
 
 
 def lanes_text(traced: TracedModel, constants: Sequence[Expression], *, width: int) -> str:
-    """Write the module of united variants; `constants` are the leaves that are read from the table."""
+    """Write the module of united variants; `constants` are the leaves read from the table."""
     kind = vector_kind(width)
     traced = fused(expanded(traced))
     graph = traced.state[0].graph
@@ -70,7 +70,7 @@ def _module(text: str) -> CompiledModule:
 
 
 class LaneModel(NamedModel):
-    """United variants as machine code, `width` of them at a time."""
+    """Machine code of united variants, `width` of them at a time."""
 
     def __init__(
         self,
@@ -100,9 +100,9 @@ class LaneModel(NamedModel):
     def play(
         self, variants: Sequence[int], runs: Sequence[Run], *, sample_interval: float, substeps: int, method: Method
     ) -> list[Playback]:
-        """Integrate a run of each variant as :meth:`CompiledModel.play` does; no run feels what another one does.
+        """Integrate a run of each variant as :meth:`CompiledModel.play`; runs do not affect each other.
 
-        Raises `ValueError` as that does, and where there are more runs than lanes.
+        Raises `ValueError` as that method, and if there are more runs than lanes.
         """
         if not 1 <= len(runs) <= self.width:
             raise ValueError(f"There are {len(runs)} runs for {self.width} lanes; give 1 to {self.width}.")
@@ -115,7 +115,7 @@ class LaneModel(NamedModel):
         playbacks: dict[int, Playback] = {}
         begin = 0
         while live := [run for run in range(len(runs)) if run not in playbacks]:
-            # As far as all go together: chunks give the bits of one call.
+            # Up to the first end of a run: chunks give the same bits as one call.
             until = min(ends[run] for run in live)
             lanes = _Lanes(self._values, [variants[run] for run in live], width=self.width)
             state = lanes.spread([states[run] for run in live])
@@ -150,7 +150,7 @@ class LaneModel(NamedModel):
 
 
 class _Lanes:
-    """Runs side by side; lanes without a run repeat the first one, so that they are no other motion."""
+    """Parallel runs; lanes without a run repeat the first one, so that they add no other motion."""
 
     def __init__(self, values: np.ndarray, variants: Sequence[int], *, width: int) -> None:
         self._of_lane = [*range(len(variants)), *[0] * (width - len(variants))]
@@ -166,7 +166,7 @@ class _Lanes:
 
 
 def _aligned(shape: tuple[int, ...]) -> np.ndarray:
-    """Return an uninitialised array that begins where a line of the cache does."""
+    """Return an uninitialised array that begins at a cache line."""
     size = 8 * int(np.prod(shape))
     memory = np.empty(size + _ALIGNMENT, dtype=np.uint8)
     offset = -memory.ctypes.data % _ALIGNMENT

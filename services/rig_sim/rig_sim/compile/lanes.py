@@ -1,10 +1,10 @@
-"""Lanes of a mirrored model: what is computed in pairs, as one vector, and what is not.
+"""Lanes of a mirrored model: expressions computed in pairs as one vector, and others.
 
-A vector stands for one expression of either side and is right whatever it pairs: the same operation on vectors of the
-operands, or two numbers put side by side where operations differ. Signs, which a mirror turns, are kept apart from the
-vectors and only cost something where two of them meet with different signs in a sum. What belongs to both sides is
-computed once; what looks across takes the other lane. So a pair of independent sides halves the work, and a rack or a
-body between them costs little.
+A vector holds one expression of either side and is correct for any pair: the same operation on vectors of the
+operands, or two numbers side by side if operations differ. Signs, which a mirror changes, are kept separate from the
+vectors and only cost something if two of them with different signs meet in a sum. Expressions of both sides are
+computed once; references across the sides use the other lane. So a pair of independent sides halves the work, and a
+rack or a body between them costs little.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ Key = tuple[int, int]
 Signs = tuple[float, float]
 PLUS: Signs = (1.0, 1.0)
 SUMS = frozenset({Operation.ADD, Operation.SUBTRACT})
-#: The signs of their operands multiply to the sign of their result.
+#: Operations whose result has the product of the operands' signs.
 PRODUCTS = frozenset({Operation.MULTIPLY, Operation.DIVIDE})
 
-#: Lanes are taken when they save at least this share of the operations.
+#: Lanes are used if they save at least this share of the operations.
 _WORTHWHILE = 0.1
 
 
@@ -35,9 +35,9 @@ class Form(Enum):
     """Origin of a vector."""
 
     CONSTANTS = auto()
-    LOAD = auto()  # two states that lie side by side
+    LOAD = auto()  # two adjacent states
     OPERATION = auto()
-    SWAP = auto()  # of the lanes of another vector
+    SWAP = auto()  # exchanged lanes of another vector
     SPLAT = auto()  # one number in both lanes
     GATHER = auto()  # two numbers
 
@@ -46,8 +46,8 @@ class Form(Enum):
 class Vector:
     """Two expressions in one register: expression i is signs[i] times lane i.
 
-    `expressions`: Neither is a negation. `operands`: Of an operation, in the order of lane 0; of a swap the vector
-    whose lanes are exchanged. `factors`: In a sum, the signs with which the operands' expressions enter.
+    `expressions`: Neither is a negation. `operands`: Operands of an operation, in the order of lane 0; for a swap the
+    vector whose lanes are exchanged. `factors`: In a sum, the signs of the operands' expressions.
     """
 
     form: Form
@@ -58,10 +58,10 @@ class Vector:
 
 @dataclass
 class LanePlan:
-    """Vectors and single numbers that together give some results.
+    """Vectors and single numbers that together compute some results.
 
-    `scalars`: Expressions computed one at a time, by index; not leaves, not what is a lane of a vector. `lane_of`:
-    Where an expression is a lane of a computed vector.
+    `scalars`: Expressions computed one at a time, by index, without leaves and lanes of vectors. `lane_of`: Vector and
+    lane of an expression that is a lane of a computed vector.
     """
 
     vectors: dict[Key, Vector] = field(default_factory=dict)
@@ -119,7 +119,7 @@ def _rank(item: Key | int) -> tuple[int, int, Key | int]:
 
 
 def stripped(expression: Expression) -> tuple[Expression, float]:
-    """Return what is negated, and the sign."""
+    """Return the expression without negations, and its sign."""
     sign = 1.0
     while expression.operation is Operation.NEGATE:
         expression, sign = expression.operands[0], -sign
@@ -127,7 +127,7 @@ def stripped(expression: Expression) -> tuple[Expression, float]:
 
 
 def is_worthwhile(plan: LanePlan, results: Sequence[Expression]) -> bool:
-    """Whether a plan is clearly cheaper than computing the results one at a time."""
+    """Return whether a plan is clearly cheaper than computing the results one at a time."""
     alone = sum(node.operation not in LEAVES for node in creation_order(results))
     return plan.cost() <= (1.0 - _WORTHWHILE) * alone
 
@@ -170,7 +170,7 @@ def plan_lanes(
 def _vector(
     mirror: Mirror, vectors: Mapping[Key, Vector], a: Expression, b: Expression, *, loads: frozenset[Key]
 ) -> tuple[Vector, _Matches]:
-    """Return the vector of two expressions, and how the operands of an operation go together."""
+    """Return the vector of two expressions, and the matching operands of an operation."""
     both = (a, b)
     if a.value is not None and b.value is not None:
         return Vector(Form.CONSTANTS, both), []
@@ -190,7 +190,7 @@ def _vector(
 
 
 def _matched(mirror: Mirror, a: Expression, b: Expression) -> _Matches | None:
-    """Return the operands of two expressions as they go together, with their signs; None when they do not."""
+    """Return the matching operands of two expressions, with their signs; None if they do not match."""
     if a.operation in LEAVES or mirror.first[a.index] != mirror.second[b.index]:
         return None
     if a.operation is not b.operation and not (a.operation in SUMS and b.operation in SUMS):
@@ -213,7 +213,7 @@ def _terms(expression: Expression) -> _Terms:
 
 
 def _signs(plan: LanePlan, vector: Vector) -> Signs:
-    """Return the signs that a vector leaves to whoever uses it, given those of its operands."""
+    """Return the signs of a vector that its users must apply, given those of its operands."""
     if vector.form is Form.SWAP:
         signs = plan.signs.get(vector.operands[0], PLUS)
         return (signs[1], signs[0])
@@ -225,7 +225,7 @@ def _signs(plan: LanePlan, vector: Vector) -> Signs:
         return times(*entering)
     if operation in SUMS:
         return entering[0]
-    return PLUS  # the operands are given their signs before
+    return PLUS  # the signs were applied to the operands
 
 
 def times(a: Signs, b: Signs) -> Signs:
@@ -234,7 +234,7 @@ def times(a: Signs, b: Signs) -> Signs:
 
 
 def _plan_scalars(plan: LanePlan, singles: Sequence[Expression]) -> None:
-    """Find what has to be computed as a single number: for such results, and for what vectors gather."""
+    """Find the expressions to be computed as single numbers: for such results, and for gathered vectors."""
     pending = list(singles)
     for vector in plan.vectors.values():
         if vector.form is Form.SPLAT or vector.form is Form.GATHER:
@@ -255,8 +255,7 @@ _VECTOR = PAIR.numbers
 class LaneFunction:
     """A planned function of arrays, ``void name(const double *argument…, double *result…)``.
 
-    `places` has argument and position of every leaf, by its index. A pair is stored at its position and the one after
-    it.
+    `places` has argument and position of every leaf, by its index. A pair is stored at its position and the next one.
     """
 
     name: str
@@ -286,7 +285,7 @@ def lane_function_text(function: LaneFunction, *, contract: bool, table: Constan
 
 
 class _Writer:
-    """The lines of one function so far."""
+    """Writer of the lines of one function."""
 
     def __init__(self, function: LaneFunction, flags: str, table: ConstantTable) -> None:
         self._table = table
@@ -301,7 +300,7 @@ class _Writer:
         self.lines.append(f"store {kind} {value}, ptr %r{array}.{position}, align 8")
 
     def number(self, expression: Expression) -> str:
-        """Return a single number: a constant, an input, computed, or a lane of a vector."""
+        """Return a single number: a constant, an input, a computed number, or a lane of a vector."""
         if expression.value is not None:
             return self._constants([expression.value])
         index = expression.index
@@ -372,7 +371,7 @@ class _Writer:
         self._once(key, lambda name: [f"{name} = {word}{self._flags} {_VECTOR} {x}, {y}"])
 
     def _bare(self, key: Key) -> str:
-        """Return a vector without the signs it leaves to its users."""
+        """Return a vector without the signs that its users must apply."""
         vector = self._plan.vectors[key]
         if vector.form is Form.CONSTANTS:
             return self._constants([float(expression) for expression in vector.expressions])
@@ -382,7 +381,7 @@ class _Writer:
         return self._turned(key, times(self._plan.signs[key], factor))
 
     def _turned(self, key: Key, signs: Signs) -> str:
-        """Return a vector with its lanes turned by signs."""
+        """Return a vector with its lanes multiplied by signs."""
         if signs == PLUS:
             return self._bare(key)
         vector = self._plan.vectors[key]
@@ -393,14 +392,14 @@ class _Writer:
         bare = self._bare(key)
         if signs == (-1.0, -1.0):
             return self._once(("turned", key, signs), lambda name: [f"{name} = fneg {_VECTOR} {bare}"])
-        # The product is exact, and becomes one operation with the sum it goes into.
+        # The product is exact, and becomes one operation with its sum.
         factors = self._constants(signs)
         return self._once(
             ("turned", key, signs), lambda name: [f"{name} = fmul{self._flags} {_VECTOR} {bare}, {factors}"]
         )
 
     def _constants(self, values: Sequence[float]) -> str:
-        """Return one constant, or two as a vector: read from the table, or written where they stand."""
+        """Return one constant, or two as a vector: read from the table, or written into the code."""
         place = self._table.place(values)
         if place is not None:
             kind = SCALAR if len(values) == 1 else _VECTOR
@@ -428,9 +427,9 @@ Pair = tuple[int, int]
 
 
 def lane_texts(traced: TracedModel, *, contract: bool, table: ConstantTable) -> tuple[str, tuple[int, ...]] | None:
-    """Return the model in two lanes, and which of its states is at each place of the arrays: pairs side by side first.
+    """Return the model in two lanes, and the state at each place of the arrays: pairs first, side by side.
 
-    None where no mirror is found with which that saves operations.
+    None if no mirror is found that saves operations.
     """
     for mirror in find_mirrors(traced):
         pairs = _state_pairs(traced, mirror)
@@ -445,7 +444,7 @@ def lane_texts(traced: TracedModel, *, contract: bool, table: ConstantTable) -> 
                 lane_function_text(function, contract=contract, table=table) for function in (derivative, observe)
             ]
         except ValueError:
-            continue  # vectors that need each other: as good as no mirror
+            continue  # vectors that need each other: no usable mirror
         return "\n".join([declarations(PAIR), *functions]), order
     return None
 

@@ -1,6 +1,6 @@
 """Write traced functions as LLVM IR: loads, straight-line operations, stores.
 
-Models with a mirror are written two lanes at a time by :mod:`rig_sim.compile.lanes`; this is how all others are.
+Models with a mirror are written two lanes at a time by :mod:`rig_sim.compile.lanes`; this module writes all others.
 """
 
 import struct
@@ -33,7 +33,7 @@ _TO_LAST_BITS = 2.0**52 + 1023.0
 
 
 def literal(value: float) -> str:
-    """Write a number as LLVM reads it back bit by bit."""
+    """Write a number so that LLVM reads it back bit by bit."""
     return f"0x{struct.unpack('<Q', struct.pack('<d', value))[0]:016X}"
 
 
@@ -49,7 +49,7 @@ class Kind:
 
     @property
     def attributes(self) -> str:
-        """Attributes of a function that works on it: registers of 512 bits are not taken by themselves everywhere."""
+        """Attributes of a function of this kind: registers of 512 bits are not used by default on every processor."""
         bits = 64 * self.lanes
         return f' "min-legal-vector-width"="{bits}" "prefer-vector-width"="{bits}"' if bits > 256 else ""
 
@@ -86,8 +86,8 @@ def function_text(
 ) -> str:
     """Write a function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``.
 
-    Of another kind than single doubles every place of an array holds a vector of it. Single constants are read from a
-    table where one is given.
+    For another kind than doubles every place of an array holds a vector of it. Single constants are read from a
+    table if one is given.
     """
     flags, numbers = " contract" if contract else "", kind.numbers
     places = {
@@ -147,7 +147,7 @@ def function_text(
 
 
 def _constant(value: float, kind: Kind, table: ConstantTable | None, *, read: set[int], lines: list[str]) -> str:
-    """Return a constant as it is written, or as it is read from the table once in a function."""
+    """Return a constant as a literal, or as read from the table once in a function."""
     place = None if table is None else table.place((value,))
     if place is None:
         return kind.constant(literal(value))
@@ -160,7 +160,7 @@ def _constant(value: float, kind: Kind, table: ConstantTable | None, *, read: se
 def operation_lines(
     operation: Operation, operands: Sequence[str], flags: str, *, name: str, kind: Kind = DOUBLE
 ) -> list[str]:
-    """Write one operation, its value under this name."""
+    """Write one operation with its value under this name."""
     numbers = kind.numbers
     if operation in INFIX:
         return [f"{name} = {INFIX[operation]}{flags} {numbers} {operands[0]}, {operands[1]}"]

@@ -1,4 +1,4 @@
-"""Many numbers that a model takes for one scalar: it runs once for all of them, in plain numpy and without a trace."""
+"""Many numbers in place of one scalar of a model, which runs once for all of them in plain numpy without a trace."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class Many:
 
     @staticmethod
     def apply(operation: Operation, *arguments: Any) -> Many:
-        """Return what an operation gives for arguments of which at least one is many numbers."""
+        """Return the result of an operation on arguments of which at least one is many numbers."""
         plain = (argument.numbers if isinstance(argument, Many) else argument for argument in arguments)
         return Many(ARRAY_FUNCTIONS[operation](*plain))
 
@@ -72,7 +72,7 @@ class Many:
 
 
 def _of(operation: Operation, first: Any, second: Any) -> Any:
-    """Return a result of two scalars; what is no scalar is left to its own type."""
+    """Return the result of two scalars; other operands are left to their own type."""
     if isinstance(first, np.ndarray) or isinstance(second, np.ndarray):
         return NotImplemented
     return Many.apply(operation, first, second)
@@ -86,5 +86,5 @@ def at_once(states: np.ndarray) -> np.ndarray:
 
 
 def taken(values: Any, instant: int) -> np.ndarray:
-    """Return the numbers of one instant, of an array or sequence of scalars."""
+    """Return the numbers of one instant from an array or sequence of scalars."""
     return np.array([value.numbers[instant] if isinstance(value, Many) else value for value in values], dtype=float)

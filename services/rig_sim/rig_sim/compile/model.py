@@ -60,11 +60,10 @@ def compile_model(
 ) -> CompiledModel:
     """Compile a model, see :func:`trace_model`; outputs are called ``output_0``, … by default.
 
-    `contract` says whether products and sums may be fused into one operation with one rounding: faster, and as exact.
-    `lanes` says whether two sides that mirror each other may be computed as lanes of vectors, where that saves
-    operations. `optimization` is 0 to 3, as a compiler's -O. `shared` keeps the code on disk for all
-    models that differ in the values of their constants alone, and takes it from there. Raises `ValueError` when names
-    and results do not fit together.
+    `contract`: Whether products and sums may be fused into one operation with one rounding: faster, and as exact.
+    `lanes`: Whether two sides that mirror each other may be computed as lanes of vectors, if that saves operations.
+    `optimization`: 0 to 3, as a compiler's -O. `shared`: Whether the code is stored on disk, and read from there, for
+    all models that differ only in their constants' values. Raises `ValueError` if names and results do not match.
     """
     traced = trace_model(function, state_names=state_names, input_names=input_names)
     names = (

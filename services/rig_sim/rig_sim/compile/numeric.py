@@ -30,16 +30,16 @@ sqrt = partial(_evaluate, Operation.SQRT)
 tanh = partial(_evaluate, Operation.TANH)
 exp = partial(_evaluate, Operation.EXP)
 absolute = partial(_evaluate, Operation.ABS)
-#: Of an angle in rad, and back: the angle whose sine is x, -π/2 to π/2; that of the point (y, x), -π to π.
+#: Functions of an angle in rad, and inverses: the angle with the sine x, -π/2 to π/2; of the point (y, x), -π to π.
 sin = partial(_evaluate, Operation.SIN)
 cos = partial(_evaluate, Operation.COS)
 asin = partial(_evaluate, Operation.ASIN)
 atan2 = partial(_evaluate, Operation.ATAN2)
-#: NaN when one of two values is NaN.
+#: NaN if one of two values is NaN.
 minimum = partial(_evaluate, Operation.MINIMUM)
 maximum = partial(_evaluate, Operation.MAXIMUM)
-#: Of (condition, positive, negative): ``positive`` where ``condition >= 0`` (also for -0.0), else ``negative``, also
-#: for NaN. Both are always evaluated: guard a square root by ``sqrt(maximum(x, 0.0))``, not by this selection.
+#: Arguments (condition, positive, negative): ``positive`` if ``condition >= 0`` (also for -0.0), else ``negative``,
+#: also for NaN. Both are always evaluated: guard a square root by ``sqrt(maximum(x, 0.0))``, not by this selection.
 select_positive = partial(_evaluate, Operation.SELECT_POSITIVE)
 
 

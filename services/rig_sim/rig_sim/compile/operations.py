@@ -1,6 +1,6 @@
-"""The operations that a traced model may consist of, and what each computes on plain numbers.
+"""Operations of a traced model, and their functions on plain numbers.
 
-Python floats serve constant folding and the plain evaluation, numpy arrays many points at once.
+Functions of Python floats are for constant folding and plain evaluation, of numpy arrays for many points at once.
 """
 
 import math
@@ -34,13 +34,13 @@ class Operation(Enum):
     MINIMUM = "minimum"
     MAXIMUM = "maximum"
     SELECT_POSITIVE = "select_positive"
-    # Only in what transcendental functions are written out as: a model has no name for them.
+    # Only in written-out transcendental functions: a model cannot name them.
     FLOOR = "floor"
     FUSED = "fused"
     POWER_OF_TWO = "power_of_two"
 
-    # By identity, as members compare: a model is traced with hundreds of thousands of look-ups, and an enumeration's
-    # own hash is a call in Python.
+    # By identity, as members compare: tracing a model needs hundreds of thousands of look-ups, and an enumeration's own
+    # hash is a call in Python.
     __hash__ = object.__hash__
 
 

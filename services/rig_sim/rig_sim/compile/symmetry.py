@@ -1,9 +1,9 @@
-"""Find the mirror in a traced model: which state of one side answers to which of the other.
+"""Find the mirror in a traced model: the pairs of corresponding states of its two sides.
 
 The method is colour refinement (Weisfeiler and Leman, 1968): leaves (states and inputs) of one colour are separated by
-the structure of the expressions around them, until nothing changes. Signs do not count, because a mirror turns them;
-of constants at most the magnitude counts. The result is a proposal: lanes are correct for any pairing, but fast for a
-good one only.
+the structure of the expressions around them, until nothing changes. Signs do not count, because a mirror changes
+them; of constants at most the magnitude counts. The result is a proposal: lanes are correct for any pairing, but fast
+for a good one only.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from dataclasses import dataclass
 from rig_sim.compile.operations import COMMUTATIVE, Operation
 from rig_sim.compile.tracing import Expression, TracedModel, creation_order
 
-#: How many partners are tried for a leaf of a crowd that looks alike.
+#: Number of partners that are tried for a leaf with more than two equal ones.
 _LARGEST_TRIALS = 12
-#: One thing up to the signs of the operands.
+#: Operations that are equal except for the signs of the operands.
 _SUMS = frozenset({Operation.ADD, Operation.SUBTRACT, Operation.NEGATE})
 _MASK = 2**64 - 1
 
@@ -25,10 +25,10 @@ Colours = dict[int, int]
 
 @dataclass(frozen=True)
 class Mirror:
-    """Pairs of leaves, the first of each in lane 0, and colours that are equal for what belongs into one vector.
+    """Pairs of leaves, the first of each in lane 0, and colours that are equal for expressions of one vector.
 
-    `pairs`: States and inputs; a leaf in no pair belongs to both sides, as a rack or a body does. `first`, `second`:
-    Colours of all expressions by their index, seen from lane 0 and from lane 1.
+    `pairs`: States and inputs; a leaf in no pair is part of both sides, as a rack or a body. `first`, `second`:
+    Colours of all expressions by their index, from the view of lane 0 and of lane 1.
     """
 
     pairs: tuple[tuple[Expression, Expression], ...]
@@ -37,7 +37,7 @@ class Mirror:
 
 
 def find_mirrors(traced: TracedModel) -> Iterator[Mirror]:
-    """Propose mirrors, the likeliest first: constants of equal magnitude, then any constants."""
+    """Propose mirrors, the most likely first: constants of equal magnitude, then any constants."""
     nodes = creation_order((*traced.derivative, *traced.outputs))
     for magnitude in (True, False):
         model = _Structure(traced, nodes, magnitude=magnitude)
@@ -47,7 +47,7 @@ def find_mirrors(traced: TracedModel) -> Iterator[Mirror]:
 
 
 class _Structure:
-    """A traced model as a graph whose leaves carry colours."""
+    """A traced model as a graph with coloured leaves."""
 
     def __init__(self, traced: TracedModel, nodes: Sequence[Expression], *, magnitude: bool) -> None:
         self.leaves = (*traced.state, *traced.inputs)
@@ -60,7 +60,7 @@ class _Structure:
         }
         leaves = {leaf.index for leaf in self.leaves}
         self._users = _users(nodes, leaves)
-        # Coloured again and again: what stays the same is looked up once.
+        # Data that is the same in every colouring.
         self._inner = [
             (node.index, node.operation, tuple(operand.index for operand in node.operands))
             for node in nodes
@@ -78,7 +78,7 @@ class _Structure:
             if operation is Operation.NEGATE:
                 colours[index] = operands[0]
             elif operation in _SUMS:
-                # A sum of three is the same in whichever order: the colour of a sum is a sum over its terms.
+                # The order in a sum does not matter: the colour of a sum is a sum over its terms.
                 colours[index] = sum(operands) & _MASK
             else:
                 if operation in COMMUTATIVE:
@@ -106,7 +106,7 @@ class _Structure:
             leaves = finer
 
     def mirror(self, pairs: Sequence[tuple[int, int]]) -> Mirror:
-        """Put one leaf of every pair into lane 0 and colour the graph as either lane sees it."""
+        """Put one leaf of every pair into lane 0 and colour the graph from the view of each lane."""
         expressions = {leaf.index: leaf for leaf in self.leaves}
         sides = self._sides(pairs)
         first = {leaf: 3 * index for index, leaf in enumerate(expressions)}
@@ -159,7 +159,7 @@ class _Structure:
 
 
 def _users(nodes: Sequence[Expression], leaves: set[int]) -> dict[int, set[tuple[int, int]]]:
-    """Return for every leaf where it goes, by index and position of the operand; sums on the way are passed through."""
+    """Return the users of every leaf, by index and position of the operand; sums in between are passed through."""
     users: dict[int, set[tuple[int, int]]] = {index: set() for index in leaves}
     # Leaves in each sum, directly or through further sums.
     terms: dict[int, set[int]] = {index: {index} for index in leaves}
@@ -183,13 +183,13 @@ def _scatter(number: int) -> int:
 
 
 def _pairing(model: _Structure, leaves: dict[int, int]) -> list[tuple[int, int]]:
-    """Pair what has one colour; where more than two have it, give the first the partner that keeps most in pairs."""
+    """Pair leaves of one colour; if more than two have it, pair the first with the partner that keeps most in pairs."""
     while True:
         classes = _classes(leaves)
         crowd = min((same for same in classes if len(same) > 2), key=len, default=None)
         if crowd is None:
             return [(same[0], same[1]) for same in classes if len(same) == 2]
-        # Sides are mostly listed one after the other: the first of the other half is the likeliest partner.
+        # Sides are mostly listed one after the other: the first of the second half is the most likely partner.
         middle = len(crowd) // 2
         candidates = [*crowd[middle:], *crowd[1:middle]][:_LARGEST_TRIALS]
         best: dict[int, int] = {}

@@ -1,9 +1,9 @@
-"""Variants of one structure: what their graphs have in common, and the constants in which they may differ.
+"""Variants of one structure: their common graph, and the constants in which they may differ.
 
-Two models have one structure when they are the same operations on the same inputs, whatever their constants are. Their
-common graph has a node for every tuple of nodes, one of each variant, that answer to one another: where one variant
-shares a node since two of its constants happen to be equal, and another does not, the common graph does not either. So
-it is right for every variant. Its constants are inputs: the code is one for all, and a table says which rig has what.
+Two models have one structure if they are the same operations on the same inputs, with any constants. Their common graph
+has a node for every tuple of corresponding nodes, one of each variant: if one variant shares a node because two of its
+constants happen to be equal, and another does not, the common graph does not share it. So it is correct for every
+variant. Its constants are inputs: the code is one for all, and a table has the values of each rig.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _PREFIX = "constant."
 
 @dataclass(frozen=True)
 class Fingerprint:
-    """A traced model's structure: `digest` of the whole, and of each node by its index."""
+    """Structure of a traced model: `digest` of the whole, and of each node by its index."""
 
     digest: bytes
     nodes: dict[int, bytes]
@@ -32,7 +32,7 @@ class Fingerprint:
 
 @dataclass(frozen=True)
 class Variants:
-    """Models of one structure as one: `constants` are leaves of it, `values` (constants, variants) their numbers."""
+    """United models of one structure: `constants` are leaves, `values` (constants, variants) their numbers."""
 
     traced: TracedModel
     constants: tuple[Expression, ...]
@@ -40,7 +40,7 @@ class Variants:
 
 
 def fingerprint(traced: TracedModel) -> Fingerprint:
-    """Return the structure of a model; equal digests are one structure."""
+    """Return the structure of a model; models with equal digests have one structure."""
     nodes: dict[int, bytes] = {}
     for node in creation_order((*traced.state, *traced.inputs, *traced.derivative, *traced.outputs)):
         parts = [nodes[operand.index] for operand in node.operands]
@@ -57,7 +57,7 @@ def fingerprint(traced: TracedModel) -> Fingerprint:
 
 
 def unite(models: Sequence[TracedModel], fingerprints: Sequence[Fingerprint]) -> Variants:
-    """Return models of one structure as one; raises `ValueError` where their structures differ."""
+    """Return the united model of models with one structure; raises `ValueError` if their structures differ."""
     if len({each.digest for each in fingerprints}) != 1:
         raise ValueError("The models to unite have different structures; unite those of one fingerprint.")
     results = [(*traced.derivative, *traced.outputs) for traced in models]
@@ -68,7 +68,7 @@ def unite(models: Sequence[TracedModel], fingerprints: Sequence[Fingerprint]) ->
     values: list[list[float]] = []
     for leaf in (*models[0].state, *models[0].inputs):
         graph.input(leaf.name)
-    # In the order in which the first variant made them: its operands come before what is made of them.
+    # In the first variant's order of creation, so that operands come first.
     for key in sorted(tuples):
         first = tuples[key][0]
         if first.operation is Operation.CONSTANT:
@@ -95,7 +95,7 @@ def _key(nodes: Nodes) -> tuple[int, ...]:
 def _tuples(
     results: Sequence[Nodes], fingerprints: Sequence[Fingerprint]
 ) -> tuple[dict[tuple[int, ...], Nodes], dict[tuple[int, ...], list[tuple[int, ...]]]]:
-    """Return which nodes of the variants answer to one another, and those of their operands."""
+    """Return the corresponding nodes of the variants, and those of their operands."""
     found: dict[tuple[int, ...], Nodes] = {}
     operands: dict[tuple[int, ...], list[tuple[int, ...]]] = {}
     pending = list(results)
@@ -113,16 +113,16 @@ def _tuples(
 
 
 def _operands(node: Expression, marks: Fingerprint) -> Nodes:
-    """Return a node's operands as they go together in all variants: which comes first in a sum may differ."""
+    """Return a node's operands in the order that is common to all variants; their order in a sum may differ."""
     if node.operation in COMMUTATIVE:
         return tuple(sorted(node.operands, key=lambda operand: marks.nodes[operand.index]))
     return node.operands
 
 
 def fused(traced: TracedModel) -> TracedModel:
-    """Return the model with products that enter one sum only fused with it: one operation, one rounding.
+    """Return the model with products that are used only in one sum fused with it: one operation, one rounding.
 
-    Written out, and not left to the compiler as for a single rig: what is fused must not depend on a vector's width.
+    Done here and not by the compiler as for a single rig: fusion must not depend on a vector's width.
     """
     results = (*traced.derivative, *traced.outputs)
     uses = Counter(operand.index for node in creation_order(results) for operand in node.operands)
@@ -130,7 +130,7 @@ def fused(traced: TracedModel) -> TracedModel:
 
     def with_products(graph: Graph, node: Expression, operands: list[Expression]) -> Expression:
         if node.operation in {Operation.ADD, Operation.SUBTRACT}:
-            # Of two products the one that was made last: the other is there when it comes to be added.
+            # Of two products the one made last, because the other is available earlier.
             for place in sorted((0, 1), key=lambda place: -node.operands[place].index):
                 product = operands[place]
                 if product.operation is Operation.MULTIPLY and uses[node.operands[place].index] == 1:

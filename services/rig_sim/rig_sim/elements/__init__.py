@@ -1,4 +1,4 @@
-"""Force elements that SDF has no word for: struts, rubber with friction, anti-roll bars and tyres, with their laws."""
+"""Force elements that SDF lacks: struts, rubber with friction, anti-roll bars and tyres, with their laws."""
 
 from rig_sim.elements.anti_roll_bar import AntiRollBar, AntiRollBarLaw, Lever
 from rig_sim.elements.linear_loss import LinearLoss

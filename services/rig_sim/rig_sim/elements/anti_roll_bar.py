@@ -1,9 +1,10 @@
-"""An anti-roll bar: a torsion spring across the body with a lever at each end, joined to the suspension by drop links.
+"""Anti-roll bar: a torsion spring across the body with a lever at each end, joined to the suspension by drop links.
 
-Bar, levers and links have no mass, and the links are rigid: where a link's foot is decides the angle of its lever, in
-closed form. The bar resists the difference of the two angles, so it does nothing while both wheels move alike. A link
-carries force along itself only; the foot gets `-moment x d(angle)/d(foot)`, the principle of virtual work, so that what
-the feet receive is what the bar gives, whatever the geometry. The body bears the opposite in the bar's bearings.
+Bar, levers and links have no mass, and the links are rigid: the position of a link's foot determines the angle of its
+lever, in closed form. The bar resists the difference of the two angles, so it has no effect while both wheels move
+equally. A link carries force only along itself; the foot gets `-moment x d(angle)/d(foot)`, by the principle of
+virtual work, so that the forces on the feet balance the bar for any geometry. The body takes the opposite forces in
+the bar's bearings.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ from rig_sim.compile import atan2, cos, sin, sqrt
 from rig_sim.multibody import Array, Effect, ForceElement, Motion, dot, wrench_at
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
-#: A link must stand this far from in line with its lever, as the sine of the angle between: else it may fold over.
+#: Smallest sine of the angle between a link and its lever, so that they cannot fold over.
 SMALLEST_SINE = 0.5
 
 
@@ -36,7 +37,7 @@ class AntiRollBarLaw:
 class Lever:
     """One end of the bar: its lever turns about the bar's axis on the body, its link ends on another body.
 
-    Raises `ValueError`: Where lever, link or both have no length, or the link stands nearly in line with its lever.
+    Raises `ValueError`: Lever or link has no length, or the link is nearly in line with its lever.
     """
 
     #: Pivot of the lever and its end, in the bar's body's frame, in m; the end in the plane of the lever.
@@ -45,10 +46,10 @@ class Lever:
     #: Unit vector of the bar's axis in the bar's body's frame.
     axis: np.ndarray
     link_body: int
-    #: In the link body's frame, in m.
+    #: Foot of the link in the link body's frame, in m.
     foot: np.ndarray
     link_length: float
-    #: Which of the two ways the link can stand: +1 or -1.
+    #: Sign of the two possible positions of the link: +1 or -1.
     branch: float
 
     @staticmethod
@@ -95,7 +96,7 @@ class Lever:
 
 @dataclass(frozen=True)
 class AntiRollBar(ForceElement):
-    """An anti-roll bar on a body, with a lever at the left and one at the right."""
+    """An anti-roll bar on a body, with a left and a right lever."""
 
     name: str
     body: int
@@ -103,7 +104,7 @@ class AntiRollBar(ForceElement):
     law: AntiRollBarLaw
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
-        """Turn the levers back to one angle."""
+        """Apply the moments that reduce the difference of the levers' angles."""
         pose, spin = motion.poses[self.body], motion.velocities[self.body]
         angles, rates, gradients, feet = [], [], [], []
         for lever in self.levers:
@@ -111,7 +112,7 @@ class AntiRollBar(ForceElement):
             angle, gradient = lever.angle_and_gradient(pose.rotation.T @ (foot - pose.origin))
             gradient = pose.rotation @ gradient
             angles.append(angle)
-            # The gradient turns with the body, so only what the foot does relative to the body counts.
+            # The gradient turns with the body, so only the foot's motion relative to the body counts.
             rates.append(dot(gradient, velocity - spin.at(foot)))
             gradients.append(gradient)
             feet.append(foot)

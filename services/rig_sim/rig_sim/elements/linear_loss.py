@@ -1,6 +1,6 @@
 """Wear of a spring or bushing of the SDF: the opposite of the lost share of its force.
 
-The part itself stays as the SDF says, also in Drake's plant; what is left of it is the sum of both.
+The part itself stays as in the SDF, also in Drake's plant; the remaining part is the sum of both.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class LinearLoss(ForceElement):
     inputs: tuple[Input, ...]
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
-        """Take away from both bodies what the part no longer does."""
+        """Remove the lost share of the part's force from both bodies."""
         stiffness, damping = values
         match self.part:
             case Bushing():

@@ -1,4 +1,4 @@
-"""Rubber beside a linear bushing: it stiffens with travel and sticks before it slips.
+"""Rubber in parallel with a linear bushing: it stiffens with travel and sticks before it slips.
 
 The element acts along one axis of a frame, in parallel with the linear bushing of the SDF. Friction follows Bouc and
 Wen (Wen, *Method for random vibration of hysteretic systems*, 1976) with exponent 1: at small travel it is an extra
@@ -40,7 +40,7 @@ def friction_rate(law: RubberLaw, level: Any, speed: Any) -> Any:
 class Rubber(ForceElement):
     """Rubber between frame A on one body and the origin (m) of frame C on another, along a unit vector in frame A.
 
-    Where the bushing beside it wears, its input is the share lost of stiffness: progression and friction go with it.
+    If the bushing beside it wears, its input is the lost share of stiffness, also of progression and friction.
     """
 
     name: str
@@ -55,13 +55,13 @@ class Rubber(ForceElement):
     initial_state = (0.0,)
 
     def pull(self, motion: Motion, state: Array, *, lost: Any = 0.0) -> Array:
-        """Return the force on frame C, (3,) in the world's axes, in N, of which a share is lost."""
+        """Return the force on frame C, (3,) in the world's axes, in N, reduced by the lost share."""
         axis, travel, _ = self._travel(motion)
         force = self.law.progression * travel * travel * travel + self.law.friction * state[0]
         return axis * -(force * (1.0 - lost))
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
-        """Hold frame C back along the axis."""
+        """Apply the force on frame C along the axis, and its reaction."""
         point, _ = motion.point(self.body_c, self.point_c)
         effect.between(self.body_a, self.body_c, wrench_at(point, self.pull(motion, state, lost=sum(values))))
         return [friction_rate(self.law, state[0], self._travel(motion)[2])]

@@ -57,7 +57,7 @@ def strut_force(law: StrutLaw, compression: Any, speed: Any, *, damping_lost: An
 class Strut(ForceElement):
     """A strut between a point on body a and a point on body b, both in their body's frame, in metres.
 
-    Where it wears, its input is the share lost of damping.
+    If it wears, its input is the lost share of damping.
     """
 
     name: str

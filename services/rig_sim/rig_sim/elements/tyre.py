@@ -2,8 +2,8 @@
 
 The road enters already enveloped by the tyre (height, forward slope, lateral slope under the wheel). Force follows the
 tilted contact plane; side force builds up over the relaxation length (Pacejka, *Tire and Vehicle Dynamics*, chapters 5
-and 10). The slip angle is that of the wheel centre's path; the wheel's own steer angle (bump steer) is left out, and so
-is its spin: it rolls freely and carries no drive or brake torque.
+and 10). The slip angle is that of the wheel centre's path; the wheel's own steer angle (bump steer) and its spin are
+left out: it rolls freely and transmits no drive or brake torque.
 """
 
 from __future__ import annotations
@@ -28,10 +28,10 @@ class TyreLaw:
     #: Radial stiffness, in N/m, and damping, in N*s/m.
     radial_stiffness: Positive
     radial_damping: NotNegative
-    #: Side force per slip angle, in N/rad, and the way it needs to build up, in m.
+    #: Side force per slip angle, in N/rad, and the distance over which it builds up, in m.
     cornering_stiffness: Positive
     relaxation_length: Positive
-    #: Load at which half of the side force is there, in N: a tyre in the air has none, a loaded one nearly all.
+    #: Load with half of the side force, in N: a tyre in the air has none, a loaded one nearly all.
     half_contact_load: Positive
 
 
@@ -40,8 +40,8 @@ class Tyre(ForceElement):
     """A tyre under a wheel body whose centre is the body's origin.
 
     Inputs: height of the effective road under the wheel [m], its slope [1], positive uphill, its camber [1], positive
-    when higher on the left, and the wheel's speed over it [m/s], forward. At rest the side force, in kN, keeps whatever
-    value it has, as a standing tyre does.
+    when higher on the left, and the wheel's speed over it [m/s], forward. At rest the side force, in kN, keeps its
+    value, as a standing tyre does.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Tyre(ForceElement):
     initial_state = (0.0,)
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
-        """Carry the wheel on the road."""
+        """Apply the forces of the road on the wheel."""
         law = self.law
         height, slope, camber, speed = values
         centre, velocity = motion.point(self.wheel, np.zeros(3))
@@ -63,6 +63,6 @@ class Tyre(ForceElement):
         force = vector(-load * slope, side - load * camber, load)
         contact = vector(centre[0], centre[1], height)
         effect.wrenches[self.wheel] = effect.wrenches[self.wheel] + wrench_at(contact, force)
-        # Speed times the steady side force: written so, it holds down to standstill, where the slip angle has no value.
+        # Speed times the steady side force: in this form it is valid at standstill, where the slip angle is undefined.
         grip = law.cornering_stiffness * load / (load + law.half_contact_load)
         return [(-1.0e-3 * grip * velocity[1] - speed * state[0]) * (1.0 / law.relaxation_length)]

@@ -15,14 +15,14 @@ class Engine(StrEnum):
 
     #: Generated code, the integrator and substeps of the specimen; some hundred times faster than real time.
     COMPILED = "compiled"
-    #: Drake's plant and integrator, Runge-Kutta 3; slower than real time, the judge of the other.
+    #: Drake's plant and integrator, Runge-Kutta 3; slower than real time, the reference for the compiled player.
     DRAKE = "drake"
 
 
 class EngineChoice(BaseModel):
-    """An engine and, for Drake, how it steps: by error control to an accuracy, or with a fixed step where one is given.
+    """An engine and, for Drake, its steps: by error control to an accuracy, or with a fixed step if one is given.
 
-    In a configuration the name of the engine alone will do.
+    In a configuration the name of the engine alone is enough.
     """
 
     model_config = STRICT
@@ -30,7 +30,7 @@ class EngineChoice(BaseModel):
     engine: Engine = Engine.COMPILED
     #: Drake's target accuracy: about the largest error of a step, in m, m/s, MPa or shares of one.
     accuracy: Annotated[float, Field(ge=1.0e-10, le=1.0e-2)] | None = None
-    #: In s, one sample at most.
+    #: Fixed step in s, one sample at most.
     fixed_step: Positive | None = None
 
     @model_validator(mode="before")

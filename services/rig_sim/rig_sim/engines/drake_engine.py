@@ -1,7 +1,7 @@
-"""The engine `drake`: Drake's plant, Drake's integrator, Drake's reaction forces; the elements of the YAML beside them.
+"""Engine `drake`: Drake's plant, Drake's integrator, Drake's reaction forces; the elements of the YAML beside them.
 
 Slower than real time and independent of the compiled player in tree, masses, springs, bushings, steps and spindle
-forces: what both play alike is not an artefact of either.
+forces: a result that both give is not an artefact of either.
 """
 
 from __future__ import annotations
@@ -36,8 +36,8 @@ def drake_responses(
 ) -> np.ndarray:
     """Read all responses from Drake's context of the plant at this state of the model, in the model's order and units.
 
-    The forces of the YAML's elements are on the plant's input ports. Of rubber beside a bushing, of which Drake knows
-    nothing, the model says the force.
+    The forces of the YAML's elements are on the plant's input ports. The force of rubber beside a bushing, which is not
+    in Drake, is from the model.
     """
     readings = [
         _reading(channel, sensor, plant, context, own=(model, state, inputs))
@@ -54,14 +54,14 @@ def _reading(
     *,
     own: tuple[RigModel, Array, Array],
 ) -> float:
-    """Find what the YAML names in Drake's own plant, so that a sensor mounted wrongly is found out."""
-    # pydrake's stubs take dtype parameters for shapes, so its arrays fit numpy's types nowhere.
+    """Read the place named in the YAML from Drake's own plant, so that a wrongly mounted sensor is detected."""
+    # pydrake's stubs use dtype parameters as shapes, so its arrays do not match numpy's types.
     drake = cast(Any, plant)
     match channel:
         case SpindleChannel():
             index = int(plant.GetJointByName(channel.transducer).index())
             reaction = cast(Any, plant.get_reaction_forces_output_port().Eval(context))[index]
-            # The port gives what acts on the child (the wheel), about the weld; the spindle feels the opposite.
+            # The port has the force on the child (the wheel), about the weld; the spindle gets the opposite.
             part = reaction.translational() if channel.quantity is Quantity.FORCE else reaction.rotational()
             return -float(part["xyz".index(channel.axis)])
         case AccelerationChannel():
@@ -97,7 +97,7 @@ def _drake_bushing(plant: MultibodyPlant, frame_a: str, frame_c: str) -> Any:
 
 
 def _own_force(sensor: BushingForce, model: RigModel, state: Array, inputs: Array) -> float:
-    """Force of rubber and wear of a bushing on its mount, in N, along the row of the sensor."""
+    """Return the force of rubber and wear of a bushing on its mount, in N, along the row of the sensor."""
     if not sensor.rubber and sensor.loss is None:
         return 0.0
     tree, first = model.assembly.tree, model.position_count
@@ -108,7 +108,7 @@ def _own_force(sensor: BushingForce, model: RigModel, state: Array, inputs: Arra
     return float((axes.T @ force)[sensor.row])
 
 
-# The stubs do not know the template of values.
+# The stubs lack the template of values.
 AppliedForces = cast(Any, drake_value).Value[list[ExternallyAppliedSpatialForce]]
 
 
@@ -128,7 +128,7 @@ class OwnEffects:
         self.first_own_state = model.position_count + tree.velocity_count
         own_states = len(model.state_names) - self.first_own_state
         effect = model.evaluate(model.design_state, np.zeros(len(model.input_names))).own_effect
-        #: Bodies that an element touches. What acts on the world needs no answer.
+        #: Bodies with a force of an element. A force on the world has no effect.
         self.bodies = tuple(i for i, wrench in enumerate(effect.wrenches) if i > 0 and wrench is not ZERO)
         self.monitored = tuple(effect.monitored)
         lengths = (own_states, 6 * len(self.bodies), tree.velocity_count, len(self.monitored))
@@ -151,14 +151,14 @@ class OwnEffects:
             for body in self.bodies:
                 wrench, origin = effect.wrenches[body], evaluation.motion.poses[body].origin
                 outputs += [*(wrench.angular - cross(origin, wrench.linear)), *wrench.linear]
-            # Nobody asks for the rates of positions and velocities, so the mechanics are never computed.
+            # The rates of positions and velocities are not used, so the mechanics are never computed.
             return [0.0] * len(state), [*outputs, *effect.joint_forces, *effect.monitored.values()]
 
         return compile_model(traced, state_names=model.state_names, input_names=model.input_names)
 
 
 class ElementsSystem(LeafSystem):
-    """The elements with their states; the drives go straight from `start` to `end` over one sample, from time zero."""
+    """The elements with their states; the drives are linear from `start` to `end` over one sample, from time zero."""
 
     def __init__(self, effects: OwnEffects, model: RigModel, *, sample_interval: float) -> None:
         super().__init__()
@@ -177,7 +177,7 @@ class ElementsSystem(LeafSystem):
         )
 
     def set_drives(self, context: Context, start: np.ndarray, end: np.ndarray) -> None:
-        """Say where the drives go over the coming sample."""
+        """Set the drives at the start and end of the next sample."""
         for index, drives in ((self._start, start), (self._end, end)):
             cast(Any, context.get_mutable_numeric_parameter(index)).SetFromVector(drives)
 
@@ -197,7 +197,7 @@ class ElementsSystem(LeafSystem):
         output.SetFromVector(cast(Any, self.effects.Eval(context))[self._effects.joint_forces])
 
     def DoCalcTimeDerivatives(self, arg0: Context, arg1: Any) -> None:  # noqa: N802 - named by Drake
-        """Give Drake the rates (second argument) of the elements' states in a context (first)."""
+        """Set Drake's rates (second argument) of the elements' states in a context (first)."""
         arg1.SetFromVector(cast(Any, self.effects.Eval(arg0))[self._effects.rates])
 
 
@@ -210,8 +210,8 @@ _FIRST_STEP = 0.25
 class DrakeEngine:
     """A diagram of Drake's plant and the elements, advanced sample by sample by Drake's simulator.
 
-    Every sample starts again from state and drive, without the memory of an integrator: the same samples give the same
-    bytes, however a record is cut. The plant, finalised, belongs to the engine from now on. Raises `ValueError` if the
+    Every sample starts from state and drive, without the memory of an integrator: the same samples give the same bytes
+    for any division of a record. The engine takes over the finalised plant. Raises `ValueError` if the
     fixed step is longer than a sample.
     """
 
@@ -227,7 +227,7 @@ class DrakeEngine:
         self._interval = interval
         self._effects = OwnEffects(model)
         builder = DiagramBuilder()
-        # The stubs take dtype parameters for shapes, and whatever a builder holds for a bare system.
+        # The stubs use dtype parameters as shapes, and return a builder's content as a bare system.
         self._plant: Any = plant
         self._elements: Any = ElementsSystem(self._effects, model, sample_interval=self._interval)
         builder.AddSystem(plant)
@@ -240,11 +240,11 @@ class DrakeEngine:
         root = self._simulator.get_mutable_context()
         self._plant_context = self._plant.GetMyMutableContextFromRoot(root)
         self._elements_context: Any = self._elements.GetMyMutableContextFromRoot(root)
-        # One context: playbacks of several threads take turns.
+        # One context: playbacks on several threads use it one after the other.
         self._turn = threading.Lock()
 
     def _forget_the_last_step(self) -> None:
-        """Make the integrator begin with the same first step at every sample; it would continue with the last one's."""
+        """Reset the integrator to the same first step at every sample; it would continue with the last one's."""
         integrator = self._simulator.get_mutable_integrator()
         integrator.Reset()
         if self._choice.fixed_step is not None:
@@ -266,7 +266,7 @@ class DrakeEngine:
         method: Method = Method.RUNGE_KUTTA_4,
         bounds: np.ndarray,
     ) -> Playback:
-        """Advance over a record of commands; see `CompiledModel.play`. Drake chooses its steps by itself."""
+        """Advance over a record of commands; see `CompiledModel.play`. Drake chooses its own steps."""
         del substeps, method
         if sample_interval != self._interval:
             raise ValueError(f"the sample interval is {sample_interval:g} s; this rig has {self._interval:g} s.")
@@ -294,7 +294,7 @@ class DrakeEngine:
         try:
             self._simulator.AdvanceTo(self._interval)
         except RuntimeError:
-            # Drake stops where its smallest step misses the accuracy or a mass matrix is no longer one: it diverges.
+            # Drake fails if its smallest step misses the accuracy or a mass matrix becomes invalid: it diverges.
             return outputs, self._diverged(state)
         return outputs, self._state()
 
@@ -308,7 +308,7 @@ class DrakeEngine:
         return np.concatenate([responses, effects[self._effects.monitors]])
 
     def _diverged(self, state: np.ndarray) -> np.ndarray:
-        """Return the state in which Drake gave up, with what had changed most marked as not a number."""
+        """Return the state in which Drake failed, with the state that had changed most set to NaN."""
         reached = self._state()
         change = np.abs(reached - state)
         reached[int(np.argmax(np.where(np.isfinite(change), change, np.inf)))] = np.nan
@@ -316,4 +316,4 @@ class DrakeEngine:
 
 
 Player: TypeAlias = CompiledModel | DrakeEngine
-"""What advances a rig; consecutive records, each from the state the last one ended in, have no seam."""
+"""Engine that advances a rig; consecutive records, each from the end state of the last one, have no seam."""

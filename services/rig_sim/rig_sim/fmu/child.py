@@ -1,7 +1,7 @@
-"""The process of an FMU: a script, so that foreign code is alone with fmpy, and takes nothing else down with it.
+"""Process of an FMU: a script, so that foreign code is isolated with fmpy and cannot crash the service.
 
-It reads the settings as JSON and then pieces of a drive from standard input, and answers on standard output; each is a
-`HEAD` and so many bytes. A piece is (samples + 1, drives) float64, the last row being only led to; its answer
+It reads the settings as JSON and then pieces of a drive from standard input, and answers on standard output; each is
+a `HEAD` and its bytes. A piece is (samples + 1, drives) float64, whose last row is only the end of the last sample;
 (samples, responses).
 """
 
@@ -17,19 +17,19 @@ import time
 from collections.abc import Callable
 from typing import Any, BinaryIO, Final
 
-#: What it is, and how many bytes follow.
+#: Kind of the message, and number of the bytes that follow.
 HEAD: Final = struct.Struct("<cI")
 READY: Final = b"R"
 ALIVE: Final = b"A"
 ERROR: Final = b"E"
-#: Between signs of life, in s.
+#: Interval of messages that show that the process is alive, in s.
 ALIVE_SECONDS: Final = 1.0
 _WARNING = 1
 _DOUBLE = 8
 
 
 class FmuPlayer:
-    """An FMU that is instantiated and has settled."""
+    """An instantiated and settled FMU."""
 
     def __init__(self, settings: dict[str, Any], alive: Callable[[], None]) -> None:
         self._alive = alive
@@ -45,7 +45,7 @@ class FmuPlayer:
         self._set = _function(fmu, f"fmi{fmi}Set{values}")
         self._get = _function(fmu, f"fmi{fmi}Get{values}")
         self._do_step = _function(fmu, f"fmi{fmi}DoStep", steps=True)
-        # FMI 3.0 is told the number of values too, and says more of a step.
+        # FMI 3.0 also gets the number of values, and returns more about a step.
         self._set_count = (self._width,) if fmi == 3 else ()
         self._get_count = (self._height,) if fmi == 3 else ()
         self._flags = (ctypes.c_bool * 3)() if fmi == 3 else None
@@ -66,7 +66,7 @@ class FmuPlayer:
             self.play(struct.pack(f"<{self._width}d", *settings["rest"]) * (settling + 1))
 
     def play(self, piece: bytes) -> bytes:
-        """Play a piece and return what it measured: each response at the time of its drive sample."""
+        """Play a piece and return its responses, each at the time of its drive sample."""
         width, height = self._width, self._height
         drive = (ctypes.c_double * (len(piece) // _DOUBLE)).from_buffer_copy(piece)
         samples = len(drive) // width - 1
@@ -85,7 +85,7 @@ class FmuPlayer:
             )
             for step in range(self._steps):
                 if step:
-                    # Linear between samples, as every engine plays a drive.
+                    # Linear between samples, as in every engine.
                     for row, here in enumerate(range(sample * width, (sample + 1) * width)):
                         between[row] = drive[here] + step / self._steps * (drive[here + width] - drive[here])
                     self._check("set its inputs", self._set(instance, self._inputs, width, between, *self._set_count))
@@ -119,7 +119,7 @@ def _load(settings: dict[str, Any]) -> Any:
 
 
 def _function(fmu: Any, name: str, *, steps: bool = False) -> Any:
-    # Taken by its index, a function is one of its own: fmpy's keeps its types.
+    # A function taken by its index is a separate object: fmpy's keeps its types.
     function = fmu.dll[name]
     pointer, size = ctypes.c_void_p, ctypes.c_size_t
     if steps:
@@ -134,7 +134,7 @@ def _function(fmu: Any, name: str, *, steps: bool = False) -> Any:
 
 
 def read_message(stream: BinaryIO) -> tuple[bytes, bytes] | None:
-    """Read a message, what it is and its bytes; None where the other end is gone."""
+    """Read a message, its kind and its bytes; None if the other end is closed."""
     head = stream.read(HEAD.size)
     if len(head) < HEAD.size:
         return None
@@ -150,7 +150,7 @@ def write_message(stream: BinaryIO, kind: bytes, content: bytes = b"") -> None:
 
 
 def _end_with(parent: int) -> None:
-    """End with the process that started this one, also in a step that never returns."""
+    """End together with the parent process, also during a step that never returns."""
     while os.getppid() == parent:
         time.sleep(ALIVE_SECONDS)
     os._exit(1)
@@ -160,7 +160,7 @@ def main() -> None:
     """Play pieces until standard input ends."""
     threading.Thread(target=_end_with, args=(os.getppid(),), daemon=True).start()
     requests, answers = sys.stdin.buffer, os.fdopen(os.dup(1), "wb")
-    # What an FMU prints must not come between the answers.
+    # Output printed by an FMU must not mix with the answers.
     os.dup2(2, 1)
     player = None
     try:

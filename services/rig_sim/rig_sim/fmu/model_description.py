@@ -20,7 +20,7 @@ from rig_sim.specimen import SpecimenError
 _MOST_NAMED = 12
 _LONGEST_PROBLEM = 300
 _BASE_UNITS = ("kg", "m", "s", "A", "K", "mol", "cd")
-#: Exponents of the units of channels in those of `_BASE_UNITS`.
+#: Exponents of the units of channels in the base units of `_BASE_UNITS`.
 _EXPONENTS: Mapping[str, tuple[int, ...]] = {
     "m": (0, 1, 0, 0, 0, 0, 0),
     "m/s": (0, 1, -1, 0, 0, 0, 0),
@@ -42,21 +42,21 @@ class Ports:
 
 @dataclass(frozen=True)
 class FmuModel:
-    """Model of an FMU: everything that a playback needs."""
+    """Description of an FMU with all data for a playback."""
 
     fmi: int
     identifier: str
     token: str
     drives: Ports
     responses: Ports
-    #: Value references and values that are set before it is initialised.
+    #: Value references and values that are set before the initialisation.
     start_values: tuple[tuple[int, float], ...]
 
 
 def read_model(path: Path, specimen: FmuSpecimen) -> FmuModel:
     """Read an FMU's model description and find the specimen's variables in it.
 
-    Raises `SpecimenError` where it cannot be read, is of another kind or for other platforms, or a variable, a unit or
+    Raises `SpecimenError` if it cannot be read, is of another kind or for other platforms, or a variable, a unit or
     the step does not fit; one sentence.
     """
     fmpy = _fmpy(specimen.name)
@@ -66,7 +66,7 @@ def read_model(path: Path, specimen: FmuSpecimen) -> FmuModel:
                 names = archive.namelist()
             description = fmpy.read_model_description(stream)
     except Exception as error:
-        # It raises whatever it comes across in a damaged file.
+        # For a damaged file any error may be raised.
         raise _refusal(specimen, f"{path.name} cannot be read: {_first_problem(error)}.") from error
     try:
         simulation = _co_simulation(description, path.name)
@@ -184,5 +184,5 @@ def _scale(place: str, unit: str | None, wanted: str, units: Mapping[str, Any]) 
 
 
 def _plain(unit: str) -> str:
-    """Return a unit as it is written here: N.m is N*m, and m/s2 is m/s^2."""
+    """Return a unit in this project's notation: N.m is N*m, and m/s2 is m/s^2."""
     return re.sub(r"(?<=[A-Za-z])(\d)", r"^\1", unit.replace(".", "*"))

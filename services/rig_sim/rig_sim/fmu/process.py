@@ -1,4 +1,4 @@
-"""An FMU at work in a separate process, seen from the service: pieces of a drive in, responses out, or why not."""
+"""Process of an FMU, used by the service: pieces of a drive in, responses or an error out."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from rig_sim.fmu import child
 from rig_sim.fmu.model_description import FmuModel
 from rig_sim.fmu.specimen import FmuSpecimen
 
-#: A step, or an initialisation, that takes longer than this is taken for one that never ends.
+#: Longest step or initialisation; a longer one is assumed never to end.
 LONGEST_SILENCE_SECONDS = 10.0
 _END_SECONDS = 2.0
 _LONGEST_PRINTED = 160
@@ -33,7 +33,7 @@ class FmuProcess:
     def __init__(self, specimen: FmuSpecimen, model: FmuModel, folder: str) -> None:
         self._specimen, self._model, self._folder = specimen, model, folder
         self._printed = tempfile.TemporaryFile()  # noqa: SIM115 - closed by `end`
-        # Its own session: the Ctrl-C that ends a service lets it ramp down first.
+        # A separate session: the Ctrl-C that ends a service lets it ramp down first.
         self._process = subprocess.Popen(
             [sys.executable, "-P", child.__file__],
             stdin=subprocess.PIPE,
@@ -60,7 +60,7 @@ class FmuProcess:
         self._write(json.dumps(settings).encode())
 
     def play(self, drive: np.ndarray, first: int) -> np.ndarray:
-        """Play (drives, samples + 1) from a sample on, the last column being only led to; return (responses, samples).
+        """Play (drives, samples + 1) from a sample on, the last column being only the end; return (responses, samples).
 
         Both in the channels' units. Raises `FmuError`.
         """
@@ -82,7 +82,7 @@ class FmuProcess:
         return (drive - self._model.drives.offset) / self._model.drives.factor
 
     def end(self) -> None:
-        """End it, at once where it does not end by itself."""
+        """End the process, at once if it does not end on request."""
         for stream in (self._process.stdin, self._process.stdout):
             cast(IO[bytes], stream).close()
         try:
@@ -96,7 +96,7 @@ class FmuProcess:
         try:
             child.write_message(cast(Any, self._process.stdin), child.READY, content)
         except BrokenPipeError:
-            # Why it is gone is said by its answer.
+            # Its answer states why the process has ended.
             return
 
     def _answer(self) -> bytes:
@@ -124,7 +124,7 @@ class FmuProcess:
         return f"crashed ({signal.Signals(-code).name})" if code < 0 else f"ended its process with exit code {code}"
 
     def _last_words(self) -> str:
-        """Return the last line that it printed, in brackets."""
+        """Return the last printed line of the process, in brackets."""
         self._printed.seek(0)
         lines = self._printed.read().decode(errors="replace").split("\n")
         last = next((line.strip() for line in reversed(lines) if line.strip()), "")

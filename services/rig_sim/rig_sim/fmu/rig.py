@@ -1,4 +1,4 @@
-"""A rig in an FMU that plays: each playback in a new process, so that no run leaves anything to the next."""
+"""A rig in an FMU that plays: each playback in a new process, so that no run affects the next one."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ from rig_sim.playing import (
 )
 from rig_sim.specimen import SpecimenError, document_files, read_specimen
 
-#: Of the drive that is played twice when a rig is loaded.
+#: Length and size of the drive that is played twice when a rig is loaded.
 _TRIED_SECONDS, _TRIED_SHARE = 0.5, 0.01
 
 
 class UnpackedFmu:
-    """A folder with an FMU's files, which goes with it."""
+    """Folder with the files of an FMU, which is removed with this object."""
 
     def __init__(self, file: Path) -> None:
         self.folder = tempfile.mkdtemp(prefix="duralab_fmu_")
@@ -61,7 +61,7 @@ class FmuRig:
 
     @property
     def block_samples(self) -> int:
-        """Samples of every block of a playback but the last."""
+        """Number of samples in every block of a playback except the last."""
         return BLOCK_SAMPLES
 
     def playback(self, drive: np.ndarray, *, seed: int) -> FmuPlayback:
@@ -72,7 +72,7 @@ class FmuRig:
 def load_fmu_rig(path: Path, faults: Sequence[Fault] = ()) -> FmuRig:
     """Load a rig in an FMU from its YAML, with faults of its sensors, and play a short drive on it twice.
 
-    Where the two responses differ, the rig's title says so. Raises `SpecimenError` where it cannot be used.
+    If the two responses differ, the rig's title states it. Raises `SpecimenError` if it cannot be used.
     """
     whole = read_specimen(path, FmuSpecimen)
     broken = sensor_faults(faults, rig=whole.name, channels=[channel.name for channel in whole.responses])
@@ -111,13 +111,13 @@ def _played_twice(specimen: FmuSpecimen, model: FmuModel, folder: str) -> list[n
 
 def _tried_height(channel: FmuDrive) -> float:
     end = channel.maximum if channel.maximum > 0.0 else channel.minimum
-    # Its steepest slope is pi times its height in its length.
+    # The steepest slope of the pulse is pi times its height over its length.
     gentle = channel.slew_limit * _TRIED_SECONDS / np.pi if channel.slew_limit > 0.0 else np.inf
     return float(np.copysign(min(_TRIED_SHARE * abs(end), gentle), end))
 
 
 def _difference(specimen: FmuSpecimen, first: np.ndarray, second: np.ndarray) -> str:
-    """Return what a title says of an FMU that answers one drive in two ways; nothing where it does not."""
+    """Return the title's remark on an FMU with two responses to one drive; empty if they are equal."""
     if first.tobytes() == second.tobytes():
         return ""
     row, sample = np.unravel_index(np.argmax(np.abs(first - second)), first.shape)
@@ -138,7 +138,7 @@ class FmuPlayback(SimulatedPlayback):
         self._end: Callable[[], object] = lambda: None
 
     def uses(self) -> list[Use]:
-        """Return the peak of every drive so far: what its actuator did is inside the FMU."""
+        """Return the peak of every drive so far: the use of its actuator is inside the FMU."""
         ratios = zip(self._rig.specimen.drives, self.peak_ratios(), strict=True)
         return [Use(channel.name, ratio, 0.0, 0.0) for channel, ratio in ratios]
 

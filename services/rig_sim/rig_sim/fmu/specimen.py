@@ -1,4 +1,4 @@
-"""The YAML of a rig in an FMU: its file, its step, and which variable is which channel."""
+"""YAML of a rig in an FMU: its file, its step, and the variable of each channel."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ KIND = "fmu"
 
 FmuName = Annotated[str, Field(pattern=r"^[A-Za-z0-9_][A-Za-z0-9_.-]*\.fmu$")]
 VariableName = Annotated[str, Field(min_length=1)]
-#: Share of a sample interval by which a whole number of steps may miss it, from the decimals of a YAML.
+#: Allowed difference of whole steps and a sample interval, as a share, because of the decimals in a YAML.
 _ROUNDING = 1.0e-9
 
 
@@ -35,20 +35,20 @@ class FmuSpecimen(RigSpecimen):
     """A rig that an FMU simulates as a whole."""
 
     kind: Literal["fmu"]
-    #: Name of the FMU, which lies beside the YAML.
+    #: Name of the FMU, in the folder of the YAML.
     fmu: FmuName
-    #: Communication step in s, of which a whole number makes a sample interval; that itself where not given.
+    #: Communication step in s, a whole number of which is a sample interval; the sample interval if not given.
     step: Positive | None = None
-    #: How long it runs with all drives at zero before each playback, in s, until it rests.
+    #: Time in s with all drives at zero before each playback, until it rests.
     settling: Annotated[NotNegative, Field(le=600.0)] = 0.0
-    #: Values of parameters, and of inputs that no drive moves, in the units of the FMU.
+    #: Values of parameters and of inputs without a drive, in the units of the FMU.
     start_values: dict[VariableName, Finite] = Field(default_factory=dict)
     drives: Annotated[tuple[FmuDrive, ...], Field(min_length=1)]
     responses: Annotated[tuple[FmuResponse, ...], Field(min_length=1)]
 
     @property
     def steps(self) -> int:
-        """Communication steps in a sample interval."""
+        """Number of communication steps in a sample interval."""
         return 1 if self.step is None else round(1.0 / (self.sample_rate * self.step))
 
     @model_validator(mode="after")

@@ -13,7 +13,7 @@ from rig_sim.hydraulics.loops import DisplacementLoop, Feedback, ForceLoop, Loop
 from rig_sim.hydraulics.servovalve import Servovalve, port_flows, spool_rates
 from rig_sim.multibody import Array, Effect, Input, Motion, SpringDamper, dot, stretch
 
-#: Pressure states are in megapascals: of order one like all others, whatever the integrator.
+#: Pascals per megapascal, the unit of pressure states: of order one like all others, for any integrator.
 _PASCAL = 1.0e6
 
 
@@ -25,7 +25,7 @@ class LoadCell:
     #: The piston's body, and the joint that guides it, by their indices.
     piston: int
     joint: int
-    #: Mass of the piston in kg and gravity (3,) in m/s^2: what an accelerometer beside the cell needs to be balanced.
+    #: Mass of the piston in kg and gravity (3,) in m/s^2, for the balance of an accelerometer beside the cell.
     piston_mass: float
     gravity: np.ndarray
 
@@ -39,7 +39,7 @@ class LoadCell:
         return -(pull * along) if rod.body_a == self.piston else pull * along
 
     def acceleration(self, motion: Motion, pressed: Any) -> Any:
-        """Return the acceleration of the piston in m/s^2 where only oil, seals, rod and gravity move it."""
+        """Return the acceleration of the piston in m/s^2 if only oil, seals, rod and gravity move it."""
         fall = dot(self.gravity, motion.axes[self.joint][0].linear)
         return (pressed - self.read(motion)) * (1.0 / self.piston_mass) + fall
 
@@ -48,12 +48,12 @@ class LoadCell:
 class HydraulicActuator:
     """Valve, cylinder and loop of one actuator; its loop decides whether the drive is a stroke in m or a force in N.
 
-    A force is that on the specimen, positive along a positive stroke. States: spool position and scaled velocity, what
-    the pilot stage asks for (where the valve has one), chamber pressures A and B in MPa, low-passed load pressure in
-    MPa, the integral of the error, and the filtered command with its scaled rate (where the loop feeds it forward).
+    A force is that on the specimen, positive along a positive stroke. States: spool position and scaled velocity, the
+    pilot stage's command (if the valve has one), chamber pressures A and B in MPa, low-passed load pressure in MPa, the
+    integral of the error, and the filtered command with its scaled rate (if the loop feeds it forward).
     """
 
-    #: Unique in the rig; the drive has the same name.
+    #: Unique name in the rig, also of the drive.
     name: str
     #: Index of the piston's joint among the positions and among the velocities.
     joint_position: int
@@ -65,19 +65,19 @@ class HydraulicActuator:
     supply: str
     #: Half-way pressure in Pa, from which the search for rest begins.
     middle_pressure: float
-    #: Where the feedback of a force loop is a load cell.
+    #: Load cell, if it is the feedback of a force loop.
     load_cell: LoadCell | None = None
 
     settles: bool = True
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """The wanted stroke or force, in a drive of the actuator's own name."""
+        """Desired stroke or force, in a drive with the actuator's name."""
         return (Input(self.name, "N" if isinstance(self.loop, ForceLoop) else "m"),)
 
     @property
     def achieved(self) -> str:
-        """Name of the monitored value that follows the drive: the stroke, or the force that the loop takes for true."""
+        """Name of the monitored value that follows the drive: the stroke, or the force in the loop's feedback."""
         return f"{self.name}.{'force' if isinstance(self.loop, ForceLoop) else 'stroke'}"
 
     @property
@@ -119,7 +119,7 @@ class HydraulicActuator:
         ]
 
     def _measure(self, motion: Motion, load: Any) -> Any:
-        """Return what the loop controls, given the motion and the load pressure in MPa."""
+        """Return the controlled value of the loop, given the motion and the load pressure in MPa."""
         if isinstance(self.loop, DisplacementLoop):
             return motion.joint_positions[self.joint_position]
         if self.loop.feedback is Feedback.PRESSURE:
@@ -134,7 +134,7 @@ class HydraulicActuator:
         return self.load_cell.acceleration(motion, pressed) if self.load_cell and compensated else 0.0
 
     def _stall_pressure(self, load: Any, line: Any) -> Any:
-        """Return the load pressure in Pa that the supply can make in this direction: a share of 1 is a stall."""
+        """Return the load pressure in Pa that the supply can reach in this direction: a share of 1 is a stall."""
         ratio = self.cylinder.area_ratio
         if ratio == 1.0:
             return line.pressure - line.back

@@ -14,9 +14,9 @@ from rig_sim.parameters import STRICT, NotNegative, Positive
 class Cushion:
     """Cushion of the piston over the last `length` of its half stroke: a spring and a damper that do not pull."""
 
-    #: In m; the contact begins this far from the metal end.
+    #: Length in m; the contact begins at this distance from the metal end.
     length: Positive
-    #: In N/m and N*s/m.
+    #: Stiffness in N/m and damping in N*s/m.
     stiffness: Positive
     damping: NotNegative
 
@@ -38,9 +38,9 @@ class Cylinder:
     #: Coulomb friction of the seals, in N, and the speed at which friction is nearly full, in m/s.
     friction: NotNegative
     friction_speed: Positive
-    #: Piston area on side B, in m^2; 0 where it is that of side A (a double rod).
+    #: Piston area on side B, in m^2; 0 if it equals that of side A (a double rod).
     rod_side_area: NotNegative = 0.0
-    #: What sticking adds to the Coulomb friction, in N, and the speed over which it fades, in m/s (Stribeck).
+    #: Addition of stiction to the Coulomb friction, in N, and the speed over which it fades, in m/s (Stribeck).
     stiction: NotNegative = 0.0
     stribeck_speed: Positive = 0.05
     #: Viscous friction, in N*s/m.
@@ -91,7 +91,7 @@ def load_pressure(cylinder: Cylinder, a: Any, b: Any) -> Any:
 
 
 def seal_friction(cylinder: Cylinder, speed: Any) -> Any:
-    """Return the magnitude and sense of friction in N, along the motion: subtract it from what drives the piston.
+    """Return magnitude and sense of friction in N, along the motion: subtract it from the force on the piston.
 
     Stribeck's curve, ``tanh(v / v_f) (F_c + F_s exp(-(v / v_s)^2)) + c v``: smooth, so a stuck piston creeps at a few
     per cent of `friction_speed`.
@@ -108,7 +108,7 @@ def cushion_force(cylinder: Cylinder, position: Any, speed: Any) -> Any:
     """Return the force of the end cushions on the piston in N; zero without cushions.
 
     ``max(k d + c (d / l) d', 0)`` of the depth d into a cushion of length l: the damper grips gradually, so that
-    contact begins without a jump, and a piston on its way out is never held.
+    contact begins without a jump, and a retracting piston is never held.
     """
     cushion = cylinder.cushion
     if cushion is None:
@@ -122,6 +122,6 @@ def cushion_force(cylinder: Cylinder, position: Any, speed: Any) -> Any:
 
 
 def piston_force(cylinder: Cylinder, position: Any, speed: Any, pressures: tuple[Any, Any]) -> Any:
-    """Return the force on the piston in N: oil, less seal friction, and the cushions."""
+    """Return the force on the piston in N: oil minus seal friction, plus the cushions."""
     force = cylinder.area * load_pressure(cylinder, *pressures) - seal_friction(cylinder, speed)
     return force if cylinder.cushion is None else force + cushion_force(cylinder, position, speed)

@@ -1,6 +1,6 @@
 """Control loops in front of the valve: displacement and force, each PI(D) with load-pressure feedback and feed-forward.
 
-A controller's numbers turn metres, newtons and pascals into a share of the valve's full opening.
+The parameters of a controller convert metres, newtons and pascals to a share of the valve's full opening.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Piston(NamedTuple):
 
     load_pressure: Any
     speed: Any
-    #: Where an accelerometer is on it.
+    #: Acceleration, if the piston has an accelerometer.
     acceleration: Any = 0.0
 
 
@@ -63,12 +63,12 @@ class _Controller:
 class DisplacementLoop(_Controller):
     """The controller in front of the valve: PID, feed-forward, and feedback of the high-passed load pressure.
 
-    The pressure feedback damps the oil's resonance. Where its corner lies below the band, it is all but static, and
-    without an integral the actuator gives way under load: compliant on purpose.
+    The pressure feedback damps the oil's resonance. If its corner is below the band, it is almost static, and without
+    an integral the actuator yields under load: compliant on purpose.
     """
 
-    #: Share of full opening taken back per m/s of the piston, in s/m; equal to `velocity_feedforward` it acts on the
-    #: rate of the error.
+    #: Reduction of the opening per m/s of the piston, as a share of full opening, in s/m; equal to
+    #: `velocity_feedforward` it acts on the rate of the error.
     derivative: NotNegative = 0.0
     #: Share of full opening per m/s and per m/s^2 of the command, in s/m and s^2/m.
     velocity_feedforward: NotNegative = 0.0
@@ -76,11 +76,11 @@ class DisplacementLoop(_Controller):
 
     @property
     def filters_command(self) -> bool:
-        """Whether the command's derivatives are wanted, which costs two states."""
+        """Whether the command's derivatives are needed, which takes two states."""
         return self.velocity_feedforward > 0.0 or self.acceleration_feedforward > 0.0
 
     def feed(self, command: Command, piston: Piston) -> Any:
-        """Return what is added to P, I and pressure feedback, as a share of full opening."""
+        """Return the feed-forward addition to P, I and pressure feedback, as a share of full opening."""
         return (
             self.velocity_feedforward * command.rate
             + self.acceleration_feedforward * command.acceleration
@@ -97,9 +97,9 @@ class DisplacementLoop(_Controller):
 class ForceLoop(_Controller):
     """A force controller: PI, load-pressure feedback, feed-forward, compensation of the specimen's motion.
 
-    An actuator in force control is an integrator (oil is stiff, the valve gives flow); what the pressure feedback adds
-    above its corner is the loop's derivative action. `velocity_compensation` gives the piston the oil that the moving
-    specimen takes: without it, a specimen near its resonance runs away from the actuator and the force drops
+    An actuator in force control is an integrator (oil is stiff, the valve gives flow); the part of the pressure
+    feedback above its corner is the loop's derivative action. `velocity_compensation` gives the piston the oil that the
+    moving specimen takes: without it, a specimen near its resonance runs away from the actuator and the force drops
     (Dimig, Shield, French, Bailey and Clark, "Effective force testing", J. Struct. Eng. 125, 1999).
     """
 
@@ -108,10 +108,10 @@ class ForceLoop(_Controller):
     feedforward: NotNegative = 0.0
     rate_feedforward: NotNegative = 0.0
     #: Share of full opening per m/s of the piston, in s/m, and per m/s^2 of its accelerometer, in s^2/m: the lead that
-    #: makes up for the valve's lag. Where velocity compensation is area over flow gain, all of the oil is given.
+    #: compensates the valve's lag. If velocity compensation is area over flow gain, all of the oil is given.
     velocity_compensation: NotNegative = 0.0
     acceleration_compensation: NotNegative = 0.0
-    #: Corner of the first-order filter behind the sensors of speed and acceleration, in Hz: it keeps their noise away.
+    #: Corner of the first-order filter behind the sensors of speed and acceleration, in Hz, against their noise.
     motion_filter: Positive = 500.0
 
     def __post_init__(self) -> None:
@@ -123,7 +123,7 @@ class ForceLoop(_Controller):
 
     @property
     def filters_command(self) -> bool:
-        """Whether the command's derivative is wanted, which costs two states."""
+        """Whether the command's derivative is needed, which takes two states."""
         return self.rate_feedforward > 0.0
 
     @property
@@ -132,12 +132,12 @@ class ForceLoop(_Controller):
         return self.velocity_compensation > 0.0 or self.acceleration_compensation > 0.0
 
     def feed(self, command: Command, piston: Piston) -> Any:
-        """Return what is added to P, I, pressure feedback and compensation, as a share of full opening."""
+        """Return the feed-forward addition to P, I, pressure feedback and compensation, as a share of full opening."""
         del piston
         return self.feedforward * command.value + self.rate_feedforward * command.rate
 
     def compensate(self, piston: Piston) -> Any:
-        """Return the opening that gives the oil which the piston's motion takes, before its filter."""
+        """Return the opening that gives the oil needed by the piston's motion, before its filter."""
         return self.velocity_compensation * piston.speed + self.acceleration_compensation * piston.acceleration
 
     #: Unit of the integral's state, in N*s: of order one like the other states.
@@ -148,9 +148,9 @@ Loop = DisplacementLoop | ForceLoop
 
 
 def initial_loop_state(loop: Loop) -> tuple[float, ...]:
-    """Return low-passed load pressure in MPa, integral of the error, what the loop has of filters.
+    """Return low-passed load pressure in MPa, integral of the error, and the states of the loop's filters.
 
-    These are value and scaled rate of the command's, and the opening that compensates the specimen's motion.
+    These are value and scaled rate of the command's filter, and the opening that compensates the specimen's motion.
     """
     return (0.0,) * (2 + 2 * loop.filters_command + loop.compensates_motion)
 
@@ -176,7 +176,7 @@ def control(loop: Loop, state: Array, *, wanted: Any, achieved: Any, piston: Pis
         given = state[2 + len(filter_rates)]
         opening = opening + given
         motion_rates = [(loop.compensate(piston) - given) * (2.0 * math.pi * loop.motion_filter)]
-    # While the valve is at its stop the integral waits: else it would wind up and overshoot afterwards.
+    # While the valve is at its stop the integral is frozen: else it would wind up and overshoot afterwards.
     integral_rate = select_positive(1.0 - absolute(opening), error, 0.0) if loop.integral > 0.0 else 0.0
     return opening, [
         (piston.load_pressure - low_passed) * (2.0 * math.pi * loop.pressure_corner),

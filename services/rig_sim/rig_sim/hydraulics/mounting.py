@@ -15,9 +15,9 @@ from rig_sim.hydraulics.supply import Supply
 from rig_sim.multibody import Joint, JointKind, MultibodyTree
 from rig_sim.parameters import STRICT, Name
 
-#: Name of the supply that a specimen gives as `supply`, and of every actuator's that names none.
+#: Name of the supply given as `supply`, and of the supply of every actuator that names none.
 MAIN_SUPPLY = "supply"
-#: What an actuator may control: the tags of its kinds.
+#: Controlled quantities of an actuator: the tags of its kinds.
 CONTROLS = ("displacement", "force")
 
 
@@ -43,7 +43,7 @@ class ForceKind(_Kind):
 
 
 def _control(kind: Any) -> Any:
-    """Say which kind a document or a model is; displacement control unless it says otherwise."""
+    """Return the kind of a document or a model; displacement control by default."""
     if isinstance(kind, dict):
         return kind.get("control", "displacement")
     return getattr(kind, "control", None)
@@ -67,7 +67,7 @@ class ActuatorPart(BaseModel):
     name: Name
     kind: str
     joint: str
-    #: Which supply feeds it.
+    #: Name of the supply that feeds it.
     supply: str = MAIN_SUPPLY
 
 
@@ -75,7 +75,7 @@ SupplyLike = TypeVar("SupplyLike", Supply, dict[str, Any])
 
 
 def all_supplies(main: SupplyLike | None, others: Mapping[str, SupplyLike]) -> dict[str, SupplyLike]:
-    """Return the supplies, or what a document says of them, by name, the main one first."""
+    """Return the supplies, or their documents, by name, the main one first."""
     if main is not None and MAIN_SUPPLY in others:
         raise ValueError(f"supplies has one called {MAIN_SUPPLY!r} beside supply; names must differ.")
     return ({} if main is None else {MAIN_SUPPLY: main}) | dict(others)

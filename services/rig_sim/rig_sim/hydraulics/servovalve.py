@@ -14,7 +14,7 @@ from rig_sim.parameters import STRICT, NotNegative, Positive
 
 @parameters(config=STRICT)
 class Servovalve:
-    """Parameters of a valve; what has a default is ideal unless stated."""
+    """Parameters of a valve; those with a default are ideal unless given."""
 
     #: Flow at full opening and `rated_drop` across one land, in m^3/s.
     rated_flow: Positive
@@ -23,25 +23,25 @@ class Servovalve:
     #: Natural frequency of the spool, in Hz, and its damping ratio.
     spool_frequency: Positive
     spool_damping: Positive
-    #: Where the spool's stops are, as a share of full opening: below 1 for a valve that no longer opens fully.
+    #: Position of the spool's stops, as a share of full opening: below 1 for a valve that no longer opens fully.
     largest_opening: Annotated[float, Field(gt=0.0, le=1.0)] = 1.0
-    #: Overlap of every land, as a share of full stroke: a dead zone where positive, open edges at null where negative.
+    #: Overlap of every land, as a share of full stroke: a dead zone if positive, open edges at null if negative.
     overlap: Annotated[float, Field(ge=-0.2, le=0.2)] = 0.0
     #: Rounding of the edges, as a share of full stroke: the smooth passage from shut to open, and the leak at null.
     rounding: Annotated[float, Field(ge=0.0, le=0.1)] = 0.0
     #: Flow gain of the lands of port B over those of port A: below 1 for a cylinder whose rod side is smaller.
     port_b_gain: Positive = 1.0
-    #: Corner of the first stage (torque motor and pilot), in Hz; 0 for a spool that is driven directly.
+    #: Corner of the first stage (torque motor and pilot), in Hz; 0 for a directly driven spool.
     pilot_frequency: NotNegative = 0.0
 
     @property
     def initial_state(self) -> tuple[float, ...]:
-        """Spool position and scaled velocity, then what the pilot stage asks for, if there is one: all at null."""
+        """Spool position and scaled velocity, then the pilot stage's command, if there is one: all at null."""
         return (0.0, 0.0, 0.0) if self.pilot_frequency > 0.0 else (0.0, 0.0)
 
 
 class PortFlows(NamedTuple):
-    """Flows in m^3/s: into chamber A, out of chamber B, and what both draw from the supply."""
+    """Flows in m^3/s: into chamber A, out of chamber B, and the sum drawn from the supply."""
 
     into_a: Any
     out_of_b: Any
@@ -49,7 +49,7 @@ class PortFlows(NamedTuple):
 
 
 def signed_root(ratio: Any) -> Any:
-    """Return sign(r) sqrt(|r|), made smooth where |r| is below about 0.01.
+    """Return sign(r) sqrt(|r|), made smooth for |r| below about 0.01.
 
     The turbulent law has an infinite slope at zero; flow through a real orifice turns laminar there.
     """
@@ -57,7 +57,7 @@ def signed_root(ratio: Any) -> Any:
 
 
 def edge_opening(valve: Servovalve, travel: Any) -> Any:
-    """Return how far one metering edge is open, 1 at full stroke."""
+    """Return the opening of one metering edge, 1 at full stroke."""
     full = 1.0 - valve.overlap
     if valve.rounding == 0.0:
         return maximum(travel - valve.overlap, 0.0) * (1.0 / full)

@@ -21,7 +21,7 @@ class Accumulator:
     #: Gas at the precharge, in m^3, and that pressure, in Pa.
     gas_volume: Positive
     precharge: Positive
-    #: 1 where the gas keeps its temperature, 1.4 where no heat passes; a stroke of seconds is near 1.25.
+    #: 1 for gas at constant temperature, 1.4 without heat transfer; a stroke of seconds is near 1.25.
     polytropic_exponent: Annotated[float, Field(ge=1.0, le=1.7)]
 
 
@@ -29,9 +29,9 @@ class Accumulator:
 class PowerUnit:
     """A pressure-compensated pump, its relief valve, the accumulator and the line to the actuators."""
 
-    #: Most that the pump gives, in m^3/s.
+    #: Largest flow of the pump, in m^3/s.
     pump_flow: Positive
-    #: How far below `supply_pressure` the pump gives all it has, in Pa; it gives nothing at `supply_pressure`.
+    #: Pressure below `supply_pressure`, in Pa, at which the pump gives all its flow; at `supply_pressure` it gives 0.
     compensator_band: Positive
     #: Time constant of the pump's swash plate, in s.
     pump_time: Positive
@@ -83,10 +83,10 @@ def oil_capacity(unit: PowerUnit, pressure: Any, gas_volume: Any) -> Any:
 
 @dataclass(frozen=True)
 class HydraulicSupply:
-    """A supply as an element: offers its pressure to the actuators, then sees what they drew.
+    """A supply as an element: offers its pressure to the actuators, then gets their total flow.
 
-    States, where it has a power unit: the natural logarithm of the pressure over the precharge (the polytropic law is
-    then an exponential), and the pump's flow as a share of its most.
+    States, if it has a power unit: the natural logarithm of the pressure over the precharge (the polytropic law is
+    then an exponential), and the pump's flow as a share of its largest.
     """
 
     name: str
@@ -97,7 +97,7 @@ class HydraulicSupply:
 
     @property
     def initial_state(self) -> tuple[float, ...]:
-        """Just below the pressure at which the pump stops giving."""
+        """Return the state just below the pressure at which the pump gives no flow."""
         unit = self.law.unit
         if unit is None:
             return ()
@@ -105,13 +105,13 @@ class HydraulicSupply:
         return (math.log(start / unit.accumulator.precharge), 0.05)
 
     def offer(self, state: Array, effect: Effect) -> None:
-        """Put the line into `effect`, before any actuator looks for it."""
+        """Add the line to `effect`, before any actuator uses it."""
         unit = self.law.unit
         pressure = self.law.supply_pressure if unit is None else unit.accumulator.precharge * exp(state[0])
         effect.lines[self.name] = Line(pressure, self.law.return_pressure)
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
-        """Return the rates of pressure and pump, given what all actuators have drawn."""
+        """Return the rates of pressure and pump, given the flow to all actuators."""
         del motion, values
         line, unit = effect.lines[self.name], self.law.unit
         effect.monitored[f"{self.name}.pressure"] = line.pressure

@@ -1,4 +1,4 @@
-"""The equations of a rig: the specimen's parts and sensors on the tree of the SDF, as one function to trace."""
+"""Equations of a rig: the specimen's parts and sensors on the tree of the SDF, as one function to trace."""
 
 from rig_sim.model.assembly import Assembly, assemble
 from rig_sim.model.measurement import BushingForce, Sensor, SpindleForce, StrutTravel

@@ -29,7 +29,7 @@ _MIRROR = np.array([1.0, -1.0, 1.0])
 
 @dataclass(frozen=True)
 class Assembly:
-    """A tree with everything mounted on it: elements, supplies last, a transducer per response, and what wears."""
+    """A tree with its mounted parts: elements, supplies last, a transducer per response, and wearing parts."""
 
     specimen: Specimen
     tree: MultibodyTree
@@ -41,8 +41,8 @@ class Assembly:
 def assemble(specimen: Specimen, tree: MultibodyTree) -> Assembly:
     """Mount the parts of a specimen on the bodies, joints and frames of its SDF; a mirrored part gives two elements.
 
-    Raises `SpecimenError` where a part names a body, frame, joint or kind that does not exist or does not fit, two
-    parts or channels share a name, the parts' inputs are not the drives in their order, or a drive reaches beyond its
+    Raises `SpecimenError` if a part names a body, frame, joint or kind that does not exist or does not fit, two
+    parts or channels have one name, the parts' inputs are not the drives in their order, or a drive exceeds its
     cylinder.
     """
     design = move(tree, tree.default_positions, np.zeros(tree.velocity_count))
@@ -58,7 +58,7 @@ def assemble(specimen: Specimen, tree: MultibodyTree) -> Assembly:
             elements += [_rubber(rubber, tree, right=right) for right in _sides(mirrored=rubber.mirrored)]
         elements += [_anti_roll_bar(bar, tree, design) for bar in specimen.anti_roll_bars]
         wearing = mount_wear([wear for wear in specimen.wear if isinstance(wear, PartWear)], tree, elements)
-        # Last: a supply sees what all actuators have drawn.
+        # Last: a supply needs the flow to all actuators.
         elements += [HydraulicSupply(name, supply) for name, supply in supplies.items()]
         transducers = tuple(mount_sensor(channel, tree, design, elements) for channel in specimen.responses)
         _check_names(specimen, elements, wearing)
@@ -204,7 +204,7 @@ def _listing(inputs: list[Input]) -> str:
 
 
 def welded_groups(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[set[int]]:
-    """Return which bodies move as one, by index; the first group holds the world."""
+    """Return the groups of bodies that move as one, by index; the first group holds the world."""
     group_of = [{index} for index in range(len(bodies))]
     for joint in joints:
         if joint.kind is JointKind.WELD:
@@ -215,7 +215,7 @@ def welded_groups(bodies: Sequence[Body], joints: Sequence[Joint]) -> list[set[i
 
 
 def check_connected(tree: MultibodyTree, joint_name: str, *, actuator: str, mounted: Sequence[set[int]]) -> None:
-    """Check that the body an actuator moves leads somewhere."""
+    """Check that the body moved by an actuator is connected to others."""
     joint = tree.joint(joint_name)
     piston = next(group for group in welded_groups(tree.bodies, tree.joints) if joint.child in group)
     pairs = [{other.parent, other.child} for other in tree.joints if other.name != joint_name]

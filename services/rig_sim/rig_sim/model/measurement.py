@@ -1,6 +1,6 @@
 """Measurements of a rig: forces and moments at a spindle, accelerations, strut travel, forces in bushings.
 
-Each sensor reads the rig at one instant, over generic scalars like the model it looks at.
+Each sensor reads the rig at one instant, over generic scalars like the model.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ from rig_sim.specimen import (
 
 @dataclass(frozen=True)
 class Instant:
-    """The rig at one instant, as far as a sensor can feel it."""
+    """State of the rig at one instant for the sensors."""
 
     tree: MultibodyTree
     motion: Motion
     #: Sum of the external wrenches on each body about the world's origin, without gravity.
     wrenches: list[Spatial]
     accelerations: Accelerations
-    #: Own states of each element, by its name, and values of the inputs, by theirs.
+    #: Own states of each element and values of the inputs, by name.
     element_states: dict[str, Array]
     inputs: dict[str, Any]
 
@@ -91,7 +91,7 @@ class SpindleMoment(SpindleForce):
     """One component of the moment at a wheel-force transducer, about its centre, in the sensor's axes, in N*m."""
 
     def read(self, instant: Instant) -> Any:
-        """Return the moment of the wheel on the spindle: of what the wheel gets, less what moves it."""
+        """Return the moment of the wheel on the spindle: the moment on the wheel minus its inertia."""
         body, pose = instant.tree.bodies[self.wheel], instant.motion.poses[self.wheel]
         velocity, proper = instant.motion.velocities[self.wheel], instant.accelerations.proper[self.wheel]
         inertia = inertia_in_world(body, pose)
@@ -105,8 +105,8 @@ class SpindleMoment(SpindleForce):
 class Accelerometer:
     """One component of a point's acceleration in the axes of its body, in m/s^2.
 
-    It is the acceleration of the motion, without gravity: what a piezoelectric sensor shows, which passes no steady
-    value. A tilt of the body puts no share of gravity into it.
+    It is the acceleration of the motion, without gravity, as from a piezoelectric sensor, which passes no steady
+    value. A tilt of the body adds no share of gravity.
     """
 
     name: str
@@ -143,8 +143,8 @@ class StrutTravel:
 class BushingForce:
     """One component of the force on the mount (frame A) of a bushing, in the axes of frame A, in N.
 
-    Of the bushing of the SDF together with all rubber between the same two frames, less what both have lost by wear:
-    what a load cell in the mount shows.
+    Sum of the bushing of the SDF and all rubber between the same two frames, minus the wear of both, as from a load
+    cell in the mount.
     """
 
     name: str
@@ -161,7 +161,7 @@ class BushingForce:
         return (axes.T @ force)[self.row]
 
     def beside(self, motion: Motion, element_states: Mapping[str, Array], inputs: Mapping[str, Any]) -> Any:
-        """Return what rubber and wear add to the bushing of the SDF, on the mount, in the world's axes, in N."""
+        """Return the force of rubber and wear beside the bushing of the SDF on the mount, world's axes, in N."""
         force: Any = np.zeros(3)
         for rubber in self.rubber:
             lost = sum(inputs[item.name] for item in rubber.inputs)

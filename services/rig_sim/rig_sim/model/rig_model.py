@@ -28,7 +28,7 @@ class Evaluation:
     """The rig at one instant."""
 
     motion: Motion
-    #: What the elements of the YAML do, the linear elements of the SDF left out.
+    #: Effect of the YAML's elements, without the linear elements of the SDF.
     own_effect: Effect
     accelerations: Accelerations
     #: Rates of all states.
@@ -79,11 +79,11 @@ class RigModel:
         return len(self.assembly.tree.default_positions)
 
     def element_slice(self, name: str) -> slice:
-        """Return where the states of an element lie in the state."""
+        """Return the range of an element's states in the state."""
         return self._slices[name]
 
     def normalise_quaternions(self, state: np.ndarray) -> None:
-        """Give the quaternions in a state of numbers the length of one."""
+        """Scale the quaternions in a state of numbers to the length one."""
         for joint in self.assembly.tree.joints:
             if joint.kind is JointKind.FLOATING:
                 where = slice(joint.position_start, joint.position_start + 4)
@@ -120,6 +120,6 @@ class RigModel:
         )
 
     def traced(self, state: Array, inputs: Array) -> tuple[list[Any], list[Any]]:
-        """Return the derivative, and responses followed by the monitored values: the form the compiler takes."""
+        """Return the derivative, and responses followed by the monitored values, for the compiler."""
         evaluation = self.evaluate(state, inputs)
         return evaluation.derivative, [*evaluation.responses, *evaluation.own_effect.monitored.values()]

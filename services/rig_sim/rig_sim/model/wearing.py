@@ -1,4 +1,4 @@
-"""Parts that wear: what of the assembly they are, how the model gets what they lost, and the load that is counted."""
+"""Wearing parts: their place in the assembly, the model's inputs for their loss, and their counted load."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ _WEARS_ALREADY = "its part wears already; give each part one wear"
 
 @dataclass(frozen=True)
 class WearingPart:
-    """A part of the assembly that wears; a bushing as the load cell that feels it, and the rubber beside it."""
+    """A wearing part of the assembly; for a bushing the load cell that measures it, and the rubber beside it."""
 
     name: str
     wear: PartWear
-    #: How the model gets the shares lost: of stiffness and damping, or of damping alone.
+    #: Inputs of the model with the lost shares: of stiffness and damping, or of damping only.
     inputs: tuple[Input, ...]
     part: BushingForce | SpringDamper | Strut
 
     def load(self, instant: Instant) -> Any:
-        """Return the load that is counted, in N or m."""
+        """Return the counted load, in N or m."""
         motion, part = instant.motion, self.part
         if isinstance(part, BushingForce):
             return part.read(instant) if self.wear.load is Load.FORCE else _offset(part, motion)
@@ -42,7 +42,7 @@ class WearingPart:
 
 
 def _offset(mount: BushingForce, motion: Motion) -> Any:
-    """Return how far frame C has come from frame A, along the sensor's axis of frame A, in m."""
+    """Return the offset of frame C from frame A, along the sensor's axis of frame A, in m."""
     bushing = mount.bushing
     frame_a = motion.poses[bushing.body_a] @ bushing.frame_a
     frame_c = motion.poses[bushing.body_c] @ bushing.frame_c
@@ -50,9 +50,9 @@ def _offset(mount: BushingForce, motion: Motion) -> Any:
 
 
 def mount_wear(wears: Sequence[PartWear], tree: MultibodyTree, elements: list[Element]) -> tuple[WearingPart, ...]:
-    """Let parts among the elements (changed in place) and the springs and bushings of the tree wear.
+    """Add wear to parts among the elements (changed in place) and to springs and bushings of the tree.
 
-    Raises `ValueError` where a place does not exist, is not one alone, or wears already.
+    Raises `ValueError` if a place does not exist, is not unique, or wears already.
     """
     parts: list[WearingPart] = []
     for wear in wears:

@@ -1,4 +1,4 @@
-"""Read the tree out of a finalised Drake plant: Drake parses the SDF and is the only judge of what it means."""
+"""Reader of the tree from a finalised Drake plant: Drake parses the SDF and alone decides its meaning."""
 
 from __future__ import annotations
 
@@ -40,9 +40,9 @@ _KINDS = {
 
 
 def load_plant(sdf: Path) -> MultibodyPlant:
-    """Parse an SDF or a URDF into a finalised continuous plant; what Drake would only warn of is an error.
+    """Parse an SDF or a URDF into a finalised continuous plant; Drake's warnings are errors.
 
-    Raises `ValueError` where there is no such file, or Drake cannot use it; the sentence carries Drake's own words.
+    Raises `ValueError` if there is no such file, or Drake cannot use it; the sentence contains Drake's message.
     """
     kind = "URDF" if sdf.suffix == ".urdf" else "SDF"
     if not sdf.is_file():
@@ -55,7 +55,7 @@ def load_plant(sdf: Path) -> MultibodyPlant:
         parser.AddModels(sdf)
         plant.Finalize()
     except RuntimeError as error:
-        # The path before the file's name says where this machine keeps it; the reader knows that.
+        # The folder in Drake's message is removed: the reader of the message knows it.
         words = " ".join(str(error).split()).replace(f"/{sdf}", sdf.name).replace(str(sdf), sdf.name).rstrip(".")
         raise ValueError(f"the {kind} {sdf.name} cannot be used: {words}.") from error
     return plant
@@ -64,8 +64,8 @@ def load_plant(sdf: Path) -> MultibodyPlant:
 def read_tree(plant: MultibodyPlant) -> MultibodyTree:
     """Copy bodies, joints, springs, bushings and gravity out of a finalised plant, in Drake's order.
 
-    Raises `ValueError` where the plant holds a joint or force element that the player does not know, two bodies or
-    joints of one name, or a body that nothing leads to.
+    Raises `ValueError` if the plant holds a joint or force element that the player does not support, two bodies or
+    joints of one name, or a body without a connection.
     """
     context = plant.CreateDefaultContext()
     bodies = tuple(_body(plant, context, index) for index in range(plant.num_bodies()))
@@ -143,7 +143,7 @@ def _joint(joint: DrakeJoint) -> Joint:
         known = ", ".join(sorted(cls.__name__ for cls in _KINDS))
         raise ValueError(f"joint {joint.name()!r} is a {type(joint).__name__}; the player knows {known}.")
     axis = np.zeros(3)
-    # Only the joint of a kind has the kind's own methods; the stubs know them by the subclass.
+    # Only the joint of a kind has its methods; the stubs have them on the subclass.
     own = cast(Any, joint)
     damping = np.atleast_1d(joint.default_damping_vector()) if kind is not JointKind.WELD else np.zeros(1)
     if np.any(damping != 0.0):
@@ -196,7 +196,7 @@ def _bushing(element: LinearBushingRollPitchYaw) -> Bushing:
     )
 
 
-#: What of a URDF this simulator, or Drake for it, reads or may leave aside. Drake's own tags stand with their prefix.
+#: URDF tags that this simulator, or Drake for it, reads or may ignore. Drake's own tags have their prefix.
 _KNOWN = {
     "robot": {
         "link",
@@ -213,16 +213,16 @@ _KNOWN = {
     "drake:joint": {"origin", "parent", "child", "axis", "limit", "dynamics"},
 }
 _DRAKE = "{https://drake.mit.edu}"
-#: What Drake ends the whole process over, where it is negative: ends of the tags of its bushings and springs.
+#: Endings of the tags of Drake's bushings and springs, for which Drake ends the process if the value is negative.
 _NOT_NEGATIVE = ("_stiffness", "_damping")
 _ABOVE_ZERO = "_free_length"
-#: Numbers that each constant of a force element has; Drake continues without one that it cannot read.
+#: Number of values of each constant of a force element; Drake ignores one that it cannot read.
 _NUMBERS = {"linear_bushing_rpy": 3, "linear_spring_damper": 1}
 _WORLD = "world"
 
 
 def check_model_file(path: Path) -> None:
-    """Check what Drake does not."""
+    """Check the parts of the file that Drake does not check."""
     try:
         root = Xml.parse(path).getroot()
     except Xml.ParseError as error:

@@ -30,7 +30,7 @@ class Inertia:
         )
 
     def momentum(self, motion: Spatial) -> Spatial:
-        """Return the wrench that a motion (velocity or acceleration) of this inertia stands for."""
+        """Return the wrench of a motion (velocity or acceleration) of this inertia."""
         return Spatial(
             self.second_moment @ motion.angular + cross(self.first_moment, motion.linear),
             motion.linear * self.mass - cross(self.first_moment, motion.angular),
@@ -60,7 +60,7 @@ def _turned(symmetric: np.ndarray, rotation: Array) -> Array:
 
 
 def _welds_merged(tree: MultibodyTree) -> list[Body]:
-    """Return the bodies, each with the inertia of what is welded to it, which has none left."""
+    """Return the bodies, each with the inertia of its welded bodies, which then have none."""
     bodies = list(tree.bodies)
     for joint in reversed(tree.joints):
         if joint.kind is JointKind.WELD:
@@ -80,7 +80,7 @@ def _welds_merged(tree: MultibodyTree) -> list[Body]:
 
 @dataclass(frozen=True)
 class Accelerations:
-    """Accelerations of the freedoms, and of the bodies measured against free fall."""
+    """Accelerations of the degrees of freedom, and of the bodies relative to free fall."""
 
     #: (n_v,) in m/s^2 or rad/s^2.
     joint: list[Any]
@@ -89,7 +89,7 @@ class Accelerations:
 
 
 def accelerate(tree: MultibodyTree, motion: Motion, wrenches: list[Spatial], joint_forces: Array) -> Accelerations:
-    """Return the accelerations under external wrenches and joint forces, in N*m or N; gravity is not among them.
+    """Return the accelerations under external wrenches and joint forces, in N*m or N, both without gravity.
 
     The wrenches are sums on each body about the world's origin.
     """
@@ -141,7 +141,7 @@ def _fill_mass_row(
 
 
 def _solve(mass: np.ndarray, right: list[Any]) -> list[Any]:
-    """Solve M a = r by M = L'DL, from the leaves inward, leaving out what is zero by structure."""
+    """Solve M a = r by M = L'DL, from the leaves inward, without structural zeros."""
     n = len(right)
     order = _leaves_first(mass)
     factor: dict[tuple[int, int], Any] = {}
@@ -169,9 +169,9 @@ def _solve(mass: np.ndarray, right: list[Any]) -> list[Any]:
 
 
 def _leaves_first(mass: np.ndarray) -> list[int]:
-    """Order the freedoms greedily by how few others they couple to, so that elimination fills in little.
+    """Order the freedoms greedily by the number of coupled others, so that elimination adds few elements.
 
-    Of equals the outermost comes first: one that two sides hang on must wait for both, or they lose their symmetry.
+    Of equals the outermost comes first: a body between two sides must wait for both, or they lose their symmetry.
     """
     n = len(mass)
     neighbours = [{j for j in range(n) if j != i and not _is_zero(mass[i, j])} for i in range(n)]

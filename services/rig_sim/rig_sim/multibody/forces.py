@@ -25,7 +25,7 @@ from rig_sim.multibody.tree import Bushing, MultibodyTree, SpringDamper
 
 @dataclass
 class Line:
-    """A hydraulic supply as the actuators meet it: pressures in Pa, and what they have drawn so far, in m^3/s."""
+    """A hydraulic supply for the actuators: pressures in Pa, and the flow drawn so far, in m^3/s."""
 
     pressure: Any
     back: Any
@@ -34,11 +34,11 @@ class Line:
 
 @dataclass
 class Effect:
-    """Sum of what the elements do; elements add to it.
+    """Sum of the effects of all elements, each of which adds to it.
 
     Wrenches are on each body about the world's origin, joint forces on each freedom, in N*m and N. Monitored are named
-    values beside the responses, e.g. a valve's opening. Hydraulic supplies are offered before any element is applied;
-    elements add what they draw.
+    values in addition to the responses, e.g. a valve's opening. Hydraulic supplies are offered before any element is
+    applied; elements add the flow that they draw.
     """
 
     wrenches: list[Spatial]
@@ -54,14 +54,14 @@ class Effect:
 
 @dataclass(frozen=True)
 class Input:
-    """One input of an element: the drive channel it is, and that channel's unit."""
+    """One input of an element: its drive channel and that channel's unit."""
 
     name: str
     unit: str
 
 
 class Element(Protocol):
-    """A force element or actuator with states of its own."""
+    """A force element or actuator with its own states."""
 
     @property
     def name(self) -> str:
@@ -80,7 +80,7 @@ class Element(Protocol):
 
     @property
     def inputs(self) -> tuple[Input, ...]:
-        """The drives this element takes, in the order in which `apply` gets them."""
+        """Drives of this element, in the order of the values of `apply`."""
         ...
 
     def apply(self, motion: Motion, state: Array, values: Array, effect: Effect) -> list[Any]:
@@ -98,15 +98,15 @@ class ForceElement:
 
 @runtime_checkable
 class Offering(Protocol):
-    """An element that others draw from: it offers before any is applied, and stands behind all who draw."""
+    """An element that supplies others: it offers before any is applied, and is applied after its users."""
 
     def offer(self, state: Array, effect: Effect) -> None:
-        """Put into `effect` what this element's own states alone decide."""
+        """Add the quantities that depend only on this element's own states to `effect`."""
         ...
 
 
 def stretch(motion: Motion, body_a: int, point_a: np.ndarray, body_b: int, point_b: np.ndarray) -> tuple[Array, ...]:
-    """Return how two points lie and move to each other."""
+    """Return the relative position and motion of two points."""
     a, velocity_a = motion.point(body_a, point_a)
     b, velocity_b = motion.point(body_b, point_b)
     along = b - a
@@ -134,17 +134,17 @@ def spring_pull(spring: SpringDamper, motion: Motion, *, stiffness: Any = 1.0, d
 
 
 def spring_wrench(spring: SpringDamper, motion: Motion, *, stiffness: Any = 1.0, damping: Any = 1.0) -> Spatial:
-    """Return what a spring does to its body A, about the world's origin; body B gets the opposite."""
+    """Return the wrench of a spring on its body A, about the world's origin; body B gets the opposite."""
     a, _, direction, *_ = stretch(motion, spring.body_a, spring.point_a, spring.body_b, spring.point_b)
     return wrench_at(a, direction * spring_pull(spring, motion, stiffness=stiffness, damping=damping))
 
 
 def bushing_wrench(bushing: Bushing, motion: Motion, *, stiffness: Any = 1.0, damping: Any = 1.0) -> Spatial:
-    """Return what a bushing does to its body C, about the world's origin; body A gets the opposite.
+    """Return the wrench of a bushing on its body C, about the world's origin; body A gets the opposite.
 
     `stiffness` and `damping` are shares of its constants.
 
-    Drake's law: the force in the frame half-way (by angle) between A and C, the moment by roll, pitch, yaw. Taking an
+    Drake's law: the force in the frame half-way (by angle) between A and C, the moment by roll, pitch, yaw. An
     anisotropic bushing in frame A instead gave errors of tens of per cent in the spindle force.
     """
     frame_a = motion.poses[bushing.body_a] @ bushing.frame_a

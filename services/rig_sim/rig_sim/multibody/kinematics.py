@@ -26,7 +26,7 @@ _WORLD = Pose(np.eye(3), np.zeros(3))
 class Motion:
     """Motion of the bodies: pose and velocity of each body, freedoms of each joint.
 
-    Of each joint: one spatial velocity per freedom, the acceleration of its child without any joint acceleration, and
+    Each joint has one spatial velocity per freedom, the acceleration of its child without any joint acceleration, and
     the rates of its positions.
     """
 

@@ -19,7 +19,7 @@ Array = Any
 
 
 def vector(*elements: Any) -> Array:
-    """Return a (3,) array that keeps expressions as they are and floats as floats."""
+    """Return a (3,) array that keeps expressions unchanged and floats as floats."""
     array = np.array(elements)
     return array if array.dtype == object else array.astype(float)
 

@@ -1,4 +1,4 @@
-"""The tree of rigid bodies as plain numbers: what the player needs of a finalised Drake plant."""
+"""Tree of rigid bodies as plain numbers: the data of a finalised Drake plant that the player needs."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 class JointKind(Enum):
-    """Joints the player knows, with Drake's coordinates."""
+    """Joints of the player, with Drake's coordinates."""
 
     WELD = auto()
     REVOLUTE = auto()
@@ -58,7 +58,7 @@ class Joint:
     frame_on_child: Pose
     #: Unit axis in F, for REVOLUTE and PRISMATIC.
     axis: np.ndarray
-    #: Its positions and velocities: where they begin and how many there are.
+    #: Start and number of its positions and velocities.
     position_start: int
     positions: int
     velocity_start: int

@@ -1,7 +1,7 @@
-"""Many playbacks together: those of rigs of one structure in the lanes of a vector, all others one by one.
+"""Many playbacks together: those of rigs with one structure in the lanes of a vector, all others one by one.
 
-A playback here is the one that :meth:`Rig.playback` makes, with its blocks, sensors, faults and watchdogs; a batch only
-answers what it asks its engine, for several at a time.
+A playback here is the one of :meth:`Rig.playback`, with its blocks, sensors, faults and watchdogs; a batch only
+answers its requests to the engine, for several playbacks at once.
 """
 
 from __future__ import annotations
@@ -31,32 +31,32 @@ from rig_sim.model import RigModel
 from rig_sim.playing.player import Playback
 
 FEWEST_IN_LANES: Final = 3
-"""Of one structure; two are as fast one after the other, since each has its own two sides in lanes."""
+"""Smallest number of rigs of one structure in lanes; two are as fast one after the other, with two sides in lanes."""
 
 BLOCKS_AT_ONCE: Final = 10
-"""A batch has no listener, so its blocks are longer: no bit depends on them, and each takes Python some time."""
+"""Number of blocks played at once: a batch has no subscriber, no bit depends on it, and each block costs some time."""
 
 
 def play_batch(playbacks: Sequence[DrivePlayback]) -> list[RigFaultError | None]:
     """Play several playbacks to their ends, those of one structure together.
 
-    Rigs have one structure where their equations differ in constants alone, and one way to take steps: other masses,
-    stiffnesses, valves or wear. Any other rig is played for itself.
+    Rigs have one structure if their equations differ only in constants, and their steps are equal: other masses,
+    stiffnesses, valves or wear. Any other rig is played separately.
 
     Parameters
     ----------
     playbacks : sequence of DrivePlayback
-        As `Rig.playback` makes them, not begun; of any rigs, each with its drive, seed and condition.
+        Playbacks from `Rig.playback`, not begun; of any rigs, each with its drive, seed and condition.
 
     Returns
     -------
     list of RigFaultError or None
-        What ended each playback before its end; the others continue. Responses and uses are read from the playbacks.
+        Fault that ended each playback early; the others continue. Responses and uses are read from the playbacks.
 
     Raises
     ------
     ProofError
-        Where the code of the lanes disagrees with that of the single rigs.
+        The code of the lanes disagrees with that of the single rigs.
     """
     ends: dict[int, RigFaultError | None] = {}
     groups: dict[object, list[int]] = {}
@@ -73,7 +73,7 @@ def play_batch(playbacks: Sequence[DrivePlayback]) -> list[RigFaultError | None]
 
 @dataclass(frozen=True)
 class _Traced:
-    """A rig's equations and what they have in common with those of other rigs."""
+    """Equations of a rig and their common part with other rigs."""
 
     model: TracedModel
     fingerprint: Fingerprint
@@ -91,7 +91,7 @@ def _trace(model: RigModel) -> _Traced:
 
 
 def _structure_of(playback: DrivePlayback) -> object:
-    """Return what playbacks have to share to be played together; None of one that is played alone."""
+    """Return a key that playbacks must share to be played together; None for one that is played alone."""
     if not isinstance(playback, Playback) or playback.rig.engine.engine is not Engine.COMPILED:
         return None
     model, steps = playback.rig.model, playback.rig.steps
@@ -110,7 +110,7 @@ def _play_alone(playback: DrivePlayback) -> RigFaultError | None:
 
 @dataclass(frozen=True)
 class _Seat:
-    """A playback in a lane; `block_samples` are those of its blocks alone."""
+    """A playback in a lane; `block_samples` is the block length of the playback alone."""
 
     place: int
     playback: Playback
@@ -143,7 +143,7 @@ def _play_in_lanes(playbacks: Sequence[Playback]) -> list[RigFaultError | None]:
         answers = lanes.play([seat.variant for seat in seats], [run for _, run in asked], **seats[0].playback.rig.steps)
         for seat, played in zip(list(seats), answers, strict=True):
             if played.diverged_at is not None and seat.playback.block_samples > seat.block_samples:
-                # Again in its own blocks, so that it keeps all of them up to its end, as alone.
+                # With its own block length again, so that it keeps all blocks up to its end, as alone.
                 seat.playback.block_samples = seat.block_samples
                 continue
             seat.playback.give(played)

@@ -1,6 +1,6 @@
-"""Faults injected for tests and rehearsals: of sensors, in what is measured; of the hydraulics, for whole playbacks.
+"""Faults injected for tests and rehearsals: of sensors, in the responses; of the hydraulics, for whole playbacks.
 
-A rig with faults says so in its title and has another content hash: nobody takes it for a healthy one.
+A rig with faults states so in its title and has another content hash, so that it is not mistaken for a healthy one.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class _SensorFault(BaseModel):
     model_config = STRICT
 
     channel: str
-    #: In s of a playback.
+    #: Time of a playback in s.
     start: NotNegative = 0.0
 
 
@@ -52,7 +52,7 @@ class NoisySensor(_SensorFault):
 
     kind: Literal[FaultKind.NOISY_SENSOR]
     rms: Positive
-    #: Joined with the playback's seed.
+    #: Combined with the playback's seed.
     seed: Annotated[int, Field(ge=0)] = 0
 
     @property
@@ -74,7 +74,7 @@ class DriftingGain(_SensorFault):
 
 
 class ValveSaturation(BaseModel):
-    """The valves of one kind of actuator open no further than this share of full opening, whole playbacks long."""
+    """The valves of one kind of actuator open at most to this share of full opening, for whole playbacks."""
 
     model_config = STRICT
 
@@ -89,7 +89,7 @@ class ValveSaturation(BaseModel):
 
 
 class SupplySag(BaseModel):
-    """A supply reaches only this share of its pressure, whole playbacks long; every one, where none is named."""
+    """A supply reaches only this share of its pressure, for whole playbacks; every supply if none is named."""
 
     model_config = STRICT
 
@@ -139,7 +139,7 @@ def break_specimen(specimen: Specimen, faults: Sequence[Fault]) -> Specimen:
 
 
 def sensor_faults(faults: Sequence[Fault], *, rig: str, channels: Sequence[str]) -> tuple[SensorFault, ...]:
-    """Return the faults of a rig that has sensors and no hydraulics."""
+    """Return the faults of a rig with sensors but without hydraulics."""
     broken: list[SensorFault] = []
     for fault in faults:
         if not isinstance(fault, SensorFault):
@@ -150,7 +150,7 @@ def sensor_faults(faults: Sequence[Fault], *, rig: str, channels: Sequence[str])
 
 
 def title_suffix(faults: Sequence[Fault]) -> str:
-    """Return what the title of a rig says of its faults; nothing where it has none."""
+    """Return the suffix of a rig's title for its faults; empty without faults."""
     return f" [FAULTS INJECTED: {'; '.join(fault.sentence for fault in faults)}]" if faults else ""
 
 

@@ -34,18 +34,18 @@ from rig_sim.playing.wear import (
 )
 from rig_sim.specimen import Specimen, SpecimenError, document_files, load_specimen
 
-#: From this share of the largest load pressure on, an actuator counts as saturated: little flow is left to move it.
+#: Share of the largest load pressure from which an actuator counts as saturated: little flow is left to move it.
 FULL_LOAD_PRESSURE = 0.95
 
 
 class UseMeter:
-    """Counts through a playback, block by block."""
+    """Meter of the actuators' use during a playback, block by block."""
 
     def __init__(
         self, actuators: Sequence[HydraulicActuator], *, drives: Sequence[str], outputs: Sequence[str]
     ) -> None:
         self._drives = tuple(drives)
-        # Rows of the player's inputs and outputs, one for each actuator: all of them are looked at together.
+        # Rows of the player's inputs and outputs, one for each actuator, evaluated together.
         self._driven = [drives.index(actuator.name) for actuator in actuators]
         self._achieved = [outputs.index(actuator.achieved) for actuator in actuators]
         self._valve = [outputs.index(f"{actuator.name}.valve_command") for actuator in actuators]
@@ -58,14 +58,14 @@ class UseMeter:
         self._supply = np.full(len(drives), np.inf)
 
     def following_error(self, commands: np.ndarray, outputs: np.ndarray) -> np.ndarray:
-        """Return command less achieved value."""
+        """Return command minus achieved value."""
         error = np.zeros(commands.shape)
         if self._driven:
             error[self._driven] = commands[self._driven] - outputs[self._achieved]
         return error
 
     def count(self, following_error: np.ndarray, outputs: np.ndarray) -> None:
-        """Take a block of the drive into account."""
+        """Add a block of the drive."""
         driven = self._driven
         if not driven:
             return
@@ -79,7 +79,7 @@ class UseMeter:
         self._supply[driven] = np.minimum(self._supply[driven], lowest)
 
     def uses(self, peak_ratios: Sequence[float], *, samples: int) -> list[Use]:
-        """Return how every drive channel was used."""
+        """Return the use of every drive channel."""
         return [
             Use(
                 drive=drive,
@@ -97,9 +97,9 @@ if TYPE_CHECKING:
     from duralab_proto.v1 import rig_pb2
     from rig_sim.view import Poses
 
-#: Name of the specimen that is mounted where none is named.
+#: Name of the mounted specimen if none is named.
 FIRST_SPECIMEN = "specimen_1"
-#: Of a block by Drake's engine: about as long on the wall clock, so that a stop is heard as soon.
+#: Samples in a block by Drake's engine: about as long in wall-clock time, so that a stop takes effect as soon.
 DRAKE_BLOCK_SAMPLES = 20
 
 
@@ -110,33 +110,33 @@ class Rig:
     Parameters
     ----------
     specimen : Specimen
-        As its YAML says.
+        Specimen from its YAML.
     model : RigModel
-        Its equations.
+        Equations of the specimen.
     compiled : CompiledModel
-        The same as machine code.
+        Machine code of the equations.
     engine : EngineChoice
-        What integrates them.
+        Engine that integrates them.
     player : Player
-        The engine at work: what advances a playback.
+        Running engine that advances a playback.
     proof : Proof
-        How far the equations are from Drake's.
+        Largest differences between the equations and Drake's.
     rest : ndarray, shape (states,)
         State at rest with all drives zero; every playback starts here.
     static_response : ndarray, shape (responses,)
         Responses at rest, without noise.
     content_hash : str
-        SHA-256 of everything that decides what the rig answers to a drive while its specimen is new; wear leaves it.
+        SHA-256 of everything that determines the response of the rig while its specimen is new, without its wear.
     poses : Poses
-        Forward kinematics, for a view.
+        Forward kinematics for a view.
     geometry : rig_pb2.RigDescription
-        Bodies, shapes and links of its description: what a view draws.
+        Bodies, shapes and links of its description, for a view.
     watchdogs : tuple of Watchdog
-        What stops a playback.
+        Watchdogs that stop a playback.
     faults : tuple of Fault
-        Injected for tests and rehearsals.
+        Faults injected for tests and rehearsals.
     mounted : str
-        Which specimen of its kind is mounted.
+        Name of the mounted specimen of its kind.
     """
 
     specimen: Specimen
@@ -161,7 +161,7 @@ class Rig:
 
     @property
     def block_samples(self) -> int:
-        """Samples of every block of a playback but the last."""
+        """Number of samples in every block of a playback except the last."""
         return DRAKE_BLOCK_SAMPLES if self.engine.engine is Engine.DRAKE else BLOCK_SAMPLES
 
     @property
@@ -188,18 +188,18 @@ class Rig:
         Parameters
         ----------
         drive : ndarray, shape (drives, samples)
-            Checked, each row in its channel's unit.
+            Checked drive, each row in its channel's unit.
         seed : int
             Seed of the sensors' noise.
         condition : Condition, optional
-            What the specimen has lost; as new where not given. See `condition` and `changed`.
+            Losses of the specimen; as new if not given. See `condition` and `changed`.
         at_end : callable
-            Called with the playback when its run is over, regardless of how they end.
+            Called with the playback when its run is over, regardless of how it ended.
 
         Returns
         -------
         Playback
-            Its blocks have to be iterated over.
+            Playback whose blocks have to be iterated over.
         """
         return Playback(self, drive, seed=seed, condition=condition or self._as_new, at_end=at_end)
 
@@ -209,22 +209,22 @@ class Rig:
         return Condition(np.zeros(inputs), np.ones((len(self.specimen.responses), 1)), self.rest)
 
     def condition(self, state: WearState) -> Condition:
-        """Return what the specimen is in a state of wear.
+        """Return the condition of the specimen in a state of wear.
 
         Parameters
         ----------
         state : WearState
-            `WearState()` of a new specimen, or that after a run, see `worn`.
+            `WearState()` for a new specimen, or the state after a run, see `worn`.
 
         Returns
         -------
         Condition
-            For `playback`.
+            Condition for `playback`.
 
         Raises
         ------
         NoEquilibriumError
-            The worn specimen comes to no rest.
+            The worn specimen has no equilibrium.
         """
         return self.changed(lost_by(self.model.assembly.wearing, state), gain_changes(self.model, state))
 
@@ -243,18 +243,18 @@ class Rig:
         Returns
         -------
         Condition
-            For `playback`.
+            Condition for `playback`.
 
         Raises
         ------
         SpecimenError
             A part that does not wear, or a response that does not exist.
         NoEquilibriumError
-            The specimen comes to no rest.
+            The specimen has no equilibrium.
         """
         inputs = lost_inputs(self.model, lost)
         still = np.concatenate([np.zeros(len(self.model.drive_names)), inputs])
-        # From the rest of the new specimen, never of the last run: the state alone decides.
+        # From the rest of the new specimen, never of the last run: the result depends on the state only.
         rest = (
             find_equilibrium(self.model, self.compiled.derivative, still, start=self.rest)
             if inputs.any()
@@ -268,14 +268,14 @@ class Rig:
         Parameters
         ----------
         state : WearState
-            Before it.
+            State before the run.
         playback : Playback
-            Of this rig, played as far as it came.
+            Playback of this rig, up to its end or fault.
 
         Returns
         -------
         WearState
-            With the damage of all that was played, ways in and out included.
+            State with the damage of all played samples, including ramps.
         """
         damage = {
             part.name: state.damage.get(part.name, 0.0) + damage_of(part, load)
@@ -292,30 +292,30 @@ def load_rig(
     faults: Sequence[Fault] = (),
     mounted: str = FIRST_SPECIMEN,
 ) -> Rig:
-    """Load a rig from its YAML: read, assemble, compile, prove, find the rest; then take the engine that plays.
+    """Load a rig from its YAML: read, assemble, compile, prove, find the rest; then create its engine.
 
     Parameters
     ----------
     path : Path
-        The YAML; what it names lies beside it.
+        The YAML; the files that it names are in its folder.
     engine : EngineChoice
-        What integrates the model.
+        Engine that integrates the model.
     faults : sequence of Fault
-        Injected for tests and rehearsals.
+        Faults injected for tests and rehearsals.
     mounted : str
-        Which specimen of its kind is mounted; part of the content hash where it wears.
+        Name of the mounted specimen of its kind; part of the content hash if it wears.
 
     Returns
     -------
     Rig
-        At rest, its specimen as new.
+        Rig at rest, its specimen as new.
 
     Raises
     ------
     SpecimenError, NoEquilibriumError, UnstableError, StepError, ProofError
-        Where the specimen cannot be used; one sentence each.
+        The specimen cannot be used; one sentence each.
     """
-    # Messages are imported for a view's description alone: who imports this package needs none.
+    # Messages are needed only for a view's description: other users of this package do not import them.
     from rig_sim.view import Poses, view_geometry
 
     specimen = break_specimen(load_specimen(path), faults)
@@ -338,7 +338,7 @@ def load_rig(
             shared=True,
         ),
     )
-    # Also of code that was compiled before: what is on a disk may be anything.
+    # Also for code from the cache: the content of a file may be wrong.
     proof = prove(model, compiled, plant)
     still = np.zeros(len(model.input_names))
     rest = _checked_rest(model, compiled, still, engine)
@@ -373,7 +373,7 @@ def load_rig(
 
 
 def _checked_rest(model: RigModel, compiled: CompiledModel, still: np.ndarray, engine: EngineChoice) -> np.ndarray:
-    """Return where the rig rests; raises where it does not, does not stay, or moves too fast for its step."""
+    """Return the equilibrium of the rig; raises if there is none, it is unstable, or it needs a shorter step."""
     rest = find_equilibrium(model, compiled.derivative, still)
     at_rest = linearise(compiled.derivative, rest, still)
     check_stability(at_rest, model.state_names)
@@ -401,7 +401,7 @@ class Playback(SimulatedPlayback):
         names = rig.model.output_names
         self._load_rows = [names.index(f"{part.name}.load") for part in rig.model.assembly.wearing]
         self._loads: list[np.ndarray] = []
-        #: Samples that moved the specimen, ways in and out included.
+        #: Number of samples that moved the specimen, including ramps.
         self.samples_moved = 0
         self._state = condition.rest.copy()
         self._actuators = [element for element in rig.model.assembly.elements if isinstance(element, HydraulicActuator)]
@@ -416,32 +416,32 @@ class Playback(SimulatedPlayback):
 
     @property
     def positions(self) -> np.ndarray:
-        """Drake's positions (n_q,) after what is played so far."""
+        """Drake's positions (n_q,) after the samples played so far."""
         return self._state[: self._rig.model.position_count]
 
     def frames(self) -> np.ndarray:
-        """Return where the bodies are, (bodies, 12)."""
+        """Return the poses of the bodies, (bodies, 12)."""
         return self._rig.poses.frames(self.positions)
 
     def uses(self) -> list[Use]:
-        """Return how every drive channel was used by the drive so far; ramps do not count."""
+        """Return the use of every drive channel by the drive so far, without ramps."""
         return self._meter.uses(self.peak_ratios(), samples=self.samples_done)
 
     def end(self) -> None:
-        """Hear that the run is over."""
+        """Call `at_end` at the end of the run."""
         self._at_end(self)
 
     def loads(self) -> np.ndarray:
-        """Return the loads of the parts that wear (parts, samples), so far, ways in and out included."""
+        """Return the loads of the wearing parts (parts, samples) so far, including ramps."""
         return np.hstack([np.empty((len(self._load_rows), 0)), *self._loads])
 
     def next_run(self) -> Run | None:
-        """Return what its engine is asked for next, for a batch of playbacks; None at the end."""
+        """Return the next request to the engine, for a batch of playbacks; None at the end."""
         commands = self._ahead()
         return self._run(commands) if commands.shape[1] > 1 else None
 
     def give(self, played: Played) -> None:
-        """Take what `next_run` asked for as what the engine says to it."""
+        """Set the engine's answer to `next_run`."""
         self._given = played
 
     def _run(self, commands: np.ndarray) -> Run:

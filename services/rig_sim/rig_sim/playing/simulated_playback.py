@@ -10,12 +10,12 @@ from duralab_gateway.motion import DrivePlayback
 from rig_sim.playing.faults import DriftingGain, Fault, NoisySensor, SensorFault, StuckSensor
 from rig_sim.specimen import RigSpecimen
 
-#: Samples of every block of a playback but the last, where the engine is fast.
+#: Number of samples in every block of a playback except the last, for a fast engine.
 BLOCK_SAMPLES = 100
 
 
 class SimulatedPlayback(DrivePlayback):
-    """A playback whose sensors hiss, and may be broken."""
+    """A playback with noisy and possibly faulty sensors."""
 
     def __init__(
         self, specimen: RigSpecimen, drive: np.ndarray, *, seed: int, faults: Sequence[Fault], block_samples: int
@@ -34,14 +34,14 @@ class SimulatedPlayback(DrivePlayback):
         self._sensors = FaultySensors(faults, channels=channels, sample_rate=specimen.sample_rate, seed=seed)
 
     def _sensed(self, first_sample: int, response: np.ndarray) -> np.ndarray:
-        """Return what the sensors say of a response (responses, samples)."""
-        # One row of noise a sample: the same numbers however the record is cut into blocks.
+        """Return the sensor readings of a response (responses, samples)."""
+        # One row of noise per sample: the same numbers for any division of the record into blocks.
         noise = self._noise.standard_normal(response.shape[::-1]).T
         return self._sensors.inject_faults(first_sample, response + self._noise_rms * noise)
 
 
 class FaultySensors:
-    """Sensors with faults, applied block by block; the same bytes however the record is cut into blocks."""
+    """Sensors with faults, applied block by block; the same bytes for any division of the record into blocks."""
 
     def __init__(self, faults: Sequence[Fault], *, channels: Sequence[str], sample_rate: float, seed: int) -> None:
         self._faults = [fault for fault in faults if isinstance(fault, SensorFault)]
@@ -55,7 +55,7 @@ class FaultySensors:
         }
 
     def inject_faults(self, first_sample: int, response: np.ndarray) -> np.ndarray:
-        """Return what the broken sensors say."""
+        """Return the readings of the faulty sensors."""
         if not self._faults:
             return response
         faulty = response.copy()

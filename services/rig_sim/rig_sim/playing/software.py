@@ -12,7 +12,7 @@ from pathlib import Path
 from pydantic import BaseModel
 
 _PACKAGE = "rig_sim"
-#: Ways in and out, and the blocks of a playback.
+#: Module of the ramps and the blocks of a playback.
 _MOTION = "duralab_gateway.motion"
 _OWN_IMPORT = re.compile(rf"^[ ]*from (?:{_PACKAGE}|{_MOTION})(?:\.\w+)* import (?:\(([^)]*)\)|(.*))\n", re.MULTILINE)
 _OWN_MODULE = re.compile(rf"\b{_PACKAGE}\.(?:\w+\.)*(?=\w)")
@@ -20,15 +20,15 @@ _OWN_MODULE = re.compile(rf"\b{_PACKAGE}\.(?:\w+\.)*(?=\w)")
 
 @cache
 def software_hash() -> str:
-    """Return the SHA-256 of the sources that play a rig; any change of them may change what it answers.
+    """Return the SHA-256 of the sources that play a rig; any change of them may change its response.
 
-    Where a module lies does not count: one that only moves leaves every rig's content hash unchanged.
+    The path of a module does not count: a moved module leaves every rig's content hash unchanged.
     """
     return sources_hash(Path(str(files(_PACKAGE))), Path(str(files(_MOTION))))
 
 
 def content_hash(files: Iterable[Path], faults: Iterable[BaseModel], *, engine: str = "") -> str:
-    """Return the SHA-256 of everything that decides what a rig answers: software, engine, files and faults."""
+    """Return the SHA-256 of everything that determines a rig's response: software, engine, files and faults."""
     digest = hashlib.sha256(f"software {software_hash()}\n{engine}".encode())
     for file in files:
         digest.update(hashlib.sha256(file.read_bytes()).digest())
@@ -38,7 +38,7 @@ def content_hash(files: Iterable[Path], faults: Iterable[BaseModel], *, engine: 
 
 
 def sources_hash(*folders: Path) -> str:
-    """Return the SHA-256 of the modules in folders: what they say and which names they import, not where they lie."""
+    """Return the SHA-256 of the modules in folders, from their content and imported names, not their paths."""
     modules = [_module_hash(path) for folder in folders for path in folder.rglob("*.py") if path.name != "__init__.py"]
     return hashlib.sha256("\n".join(sorted(modules)).encode()).hexdigest()
 

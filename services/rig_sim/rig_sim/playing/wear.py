@@ -1,7 +1,7 @@
 """Losses of a specimen: its state between runs, and the rig's inputs in that state.
 
-Within a run nothing changes: damage is counted from the loads of the whole run, its ways in and out among them, and
-acts from the next run on. So a run belongs to one state, and the state follows from the runs before and nothing else.
+Within a run nothing changes: damage is counted from the loads of the whole run, including its ramps, and acts from
+the next run on. So a run has one state, which depends only on the earlier runs.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ class WearState(BaseModel):
     Parameters
     ----------
     runs : int
-        Runs that moved it, regardless of their end.
+        Number of runs that moved it, regardless of their end.
     hours : float
-        Played time in h, ways in and out among it.
+        Played time in h, including ramps.
     damage : dict of str to float
         Miner sum of each part that wears.
     """
@@ -43,7 +43,7 @@ class Lost(BaseModel):
     Parameters
     ----------
     stiffness, damping : float
-        0 to 0.95; a strut loses damping only.
+        Lost shares, 0 to 0.95; a strut loses damping only.
     """
 
     model_config = STRICT
@@ -59,11 +59,11 @@ class Condition:
     Parameters
     ----------
     lost : ndarray, shape (inputs,)
-        Shares that parts have lost, in the order of the model's inputs after the drives.
+        Lost shares of parts, in the order of the model's inputs after the drives.
     gains : ndarray, shape (responses, 1)
         Gains of the sensors; 1 is as calibrated.
     rest : ndarray, shape (states,)
-        Where the rig rests then.
+        State of the rig at rest in this condition.
     """
 
     lost: np.ndarray
@@ -72,7 +72,7 @@ class Condition:
 
 
 def lost_by(parts: Iterable[WearingPart], state: WearState) -> dict[str, Lost]:
-    """Return what each part has lost in a state."""
+    """Return the loss of each part in a state."""
     lost = {}
     for part in parts:
         grown = part.wear.grown(state.damage.get(part.name, 0.0))
@@ -81,7 +81,7 @@ def lost_by(parts: Iterable[WearingPart], state: WearState) -> dict[str, Lost]:
 
 
 def gain_changes(model: RigModel, state: WearState) -> dict[str, float]:
-    """Return by which share the gain of each drifting response has changed in a state."""
+    """Return the change of the gain of each drifting response in a state, as a share."""
     changes: dict[str, float] = {}
     for wear in model.assembly.specimen.wear:
         if isinstance(wear, GainDrift):
@@ -92,7 +92,7 @@ def gain_changes(model: RigModel, state: WearState) -> dict[str, float]:
 
 
 def lost_inputs(model: RigModel, lost: Mapping[str, Lost]) -> np.ndarray:
-    """Return the model's inputs after the drives; raises `SpecimenError` where a part does not wear, or not so."""
+    """Return the model's inputs after the drives; raises `SpecimenError` if a part has no wear of this kind."""
     parts = {part.name: part for part in model.assembly.wearing}
     for name, shares in lost.items():
         if name not in parts:
@@ -107,7 +107,7 @@ def lost_inputs(model: RigModel, lost: Mapping[str, Lost]) -> np.ndarray:
 
 
 def gain_column(model: RigModel, changes: Mapping[str, float]) -> np.ndarray:
-    """Return the gains of the responses (responses, 1); raises `SpecimenError` where a channel does not exist."""
+    """Return the gains of the responses (responses, 1); raises `SpecimenError` if a channel does not exist."""
     gains = np.ones((len(model.response_names), 1))
     for channel, change in changes.items():
         if channel not in model.response_names:
@@ -118,7 +118,7 @@ def gain_column(model: RigModel, changes: Mapping[str, float]) -> np.ndarray:
 
 def damage_of(part: WearingPart, load: np.ndarray) -> float:
     """Return the Miner sum of a load (samples,) in N or m."""
-    # Counting brings pylife along, which a rig that does not wear never waits for.
+    # Counting imports pylife, which only a rig that wears should wait for.
     from duralab_loads import count_load_cycles, pseudo_damage
 
     wear = part.wear

@@ -1,4 +1,4 @@
-"""The state of a worn specimen on disk: one file for each specimen, whole or not written at all."""
+"""State of a worn specimen on disk: one file for each specimen, whole or not written at all."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from rig_sim.specimen import SpecimenError
 
 
 class WearFile:
-    """File of the state of one specimen; it is only replaced as a whole, so that a killed rig finds the last one."""
+    """File of the state of one specimen; it is only replaced as a whole, so a killed rig finds the last state."""
 
     def __init__(self, folder: Path, *, rig: str, specimen: str) -> None:
         self.path = folder / f"{rig}.{specimen}.json"
 
     def read(self, parts: set[str]) -> WearState:
-        """Return the last state, a new specimen's where there is no file; raises `SpecimenError` where it is unfit."""
+        """Return the last state, or a new specimen's if there is no file; raises `SpecimenError` if it is invalid."""
         try:
             state = WearState.model_validate_json(read_regular(self.path, largest=_LARGEST))
         except FileNotFoundError:
@@ -37,7 +37,7 @@ class WearFile:
         return state
 
     def write(self, state: WearState) -> None:
-        """Replace the state; raises `OSError` where the disk does not take it."""
+        """Replace the state; raises `OSError` if the disk refuses it."""
         self.path.parent.mkdir(parents=True, exist_ok=True)
         partial = self.path.with_suffix(".part")
         with partial.open("w", encoding="utf-8") as stream:

@@ -1,4 +1,4 @@
-"""Parts of which the YAML names the left one only: the right one is its mirror image."""
+"""Parts of which the YAML names only the left one: the right one is its mirror image."""
 
 from __future__ import annotations
 
@@ -9,23 +9,23 @@ from pydantic import BaseModel, model_validator
 
 from rig_sim.parameters import STRICT, Name
 
-#: What the name of a mirrored part begins with; `right_` takes its place in the mirror image.
+#: Beginning of the name of a mirrored part, replaced by `right_` in the mirror image.
 LEFT = "left_"
 RIGHT = "right_"
 
 
 def mirrored_name(name: str) -> str:
-    """Return the name of the right one of a pair: `rear_left_wheel` becomes `rear_right_wheel`; others stay."""
+    """Return the name of the right one of a pair: `rear_left_wheel` becomes `rear_right_wheel`; others are equal."""
     return re.sub(f"(^|_){LEFT}", rf"\g<1>{RIGHT}", name, count=1)
 
 
 class MirroredPart(BaseModel):
-    """A part with a name; one of a pair where it is mirrored."""
+    """A part with a name; one of a pair if it is mirrored."""
 
     model_config = STRICT
 
     name: Name
-    #: Write the left one only; the right one is its mirror image in the plane y = 0.
+    #: Only the left one is written; the right one is its mirror image in the plane y = 0.
     mirrored: bool = False
 
     @model_validator(mode="after")

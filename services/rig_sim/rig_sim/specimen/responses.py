@@ -1,7 +1,7 @@
-"""Response channels of a specimen's YAML: which sensor is where. The key that names the place decides the kind.
+"""Response channels of a specimen's YAML: place and kind of each sensor; the key of the place determines the kind.
 
 `transducer` is a wheel-force transducer, `body` an accelerometer, `strut` a displacement, `frame_a` a load cell in the
-mount of a bushing. What they measure is said in :mod:`rig_sim.model.measurement`.
+mount of a bushing. :mod:`rig_sim.model.measurement` defines their measurements.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class SpindleChannel(SensorChannel):
     The moment, in N*m, is about the transducer's own centre: the origin of the weld, in the shipped rigs the wheel's.
     """
 
-    #: The weld in the SDF that is the transducer; its child is the wheel.
+    #: Weld in the SDF that is the transducer; its child is the wheel.
     transducer: str
     axis: Axis
     quantity: Literal[Quantity.FORCE, Quantity.MOMENT] = Quantity.FORCE
@@ -69,7 +69,7 @@ class SpindleChannel(SensorChannel):
 class AccelerationChannel(SensorChannel):
     """One component of the acceleration of a point, in the body's axes, without gravity."""
 
-    #: The body that carries the sensor, and where, in the model's frame at design height, in m.
+    #: Body that carries the sensor, and its point in the model's frame at design height, in m.
     body: str
     point: Vector
     axis: Axis
@@ -80,7 +80,7 @@ class AccelerationChannel(SensorChannel):
 class StrutChannel(SensorChannel):
     """The compression of a strut from its design length, positive when shorter."""
 
-    #: Name of the strut; of a mirrored one, left_ or right_ included.
+    #: Name of the strut; for a mirrored one with left_ or right_.
     strut: str
 
     quantity: ClassVar = Quantity.DISPLACEMENT
@@ -97,7 +97,7 @@ class BushingChannel(SensorChannel):
     quantity: ClassVar = Quantity.FORCE
 
 
-#: Names of the kinds, which pydantic puts into the place of an error; they are no keys of the YAML.
+#: Names of the kinds, which pydantic adds to the path of an error; they are not keys of the YAML.
 KINDS = {"body": "an accelerometer", "strut": "a strut's displacement", "frame_a": "a bushing's force"}
 SPINDLE = "a wheel-force transducer"
 

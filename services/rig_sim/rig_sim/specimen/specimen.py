@@ -1,6 +1,6 @@
-"""A specimen's YAML: what is mounted, what drives it, what is measured.
+"""YAML of a specimen: mounted parts, drives, responses.
 
-The SDF beside it holds bodies, joints and bushings. Whether the names in the YAML exist there is checked by
+The SDF beside it holds bodies, joints and bushings. The names in the YAML are checked against it by
 :mod:`rig_sim.model.assembly`.
 """
 
@@ -46,14 +46,14 @@ class Range(BaseModel):
 
 
 class WatchdogLimits(BaseModel):
-    """Limits of a specimen's watchdogs; what is not named is not watched."""
+    """Limits of a specimen's watchdogs; values that are not named are not watched."""
 
     model_config = STRICT
 
     #: Largest magnitude of responses, by channel, in the channel's unit.
     responses: dict[str, Positive] = {}
-    #: Largest magnitude of command less achieved value, by drive, in the drive's unit. Leave out an actuator that gives
-    #: way under load on purpose.
+    #: Largest magnitude of command minus achieved value, by drive, in the drive's unit. Leave out an actuator that
+    #: yields under load on purpose.
     following_errors: dict[str, Positive] = {}
     #: Monitored values of the elements, pressures above all, e.g. `left_vertical.load_pressure` (share of the largest).
     monitored: dict[str, Range] = {}
@@ -67,10 +67,10 @@ def set_up_watchdogs(
     followed: Sequence[str],
     monitored: Sequence[str],
 ) -> tuple[Watchdog, ...]:
-    """Find what the limits name among units by channel and monitored values, all in the order of their rows.
+    """Return the watchdogs for the limits, from units by channel and monitored values, in the order of their rows.
 
-    Drives that no actuator follows have no following error. Raises `ValueError` where a name does not exist; the
-    sentence lists those that do.
+    Drives without an actuator have no following error. Raises `ValueError` if a name does not exist; the sentence
+    lists the existing ones.
     """
     dogs = []
     for source, given, rows, allowed in (
@@ -107,11 +107,11 @@ class SpecimenError(ValueError):
 
 
 def read_document(path: Path) -> Any:
-    """Read a YAML file; where it says `variant_of: NAME.yaml`, with what that file beside it says.
+    """Read a YAML file; if it has `variant_of: NAME.yaml`, merged with that file in the same folder.
 
-    What a variant says is added to the other's lists and mappings, and takes the place of its single values. Raises
-    `SpecimenError` where a file is missing or not YAML, or a variant is of no file beside it, of itself, or says
-    another kind of thing under a key.
+    The lists and mappings of a variant are added to the other's, and its single values replace the other's. Raises
+    `SpecimenError` if a file is missing or not YAML, or a variant is of a missing file, of itself, or has another type
+    of value under a key.
     """
     *variants, first = document_files(path)
     document = _read(first)
@@ -124,7 +124,7 @@ def read_document(path: Path) -> Any:
 
 
 def document_files(path: Path) -> tuple[Path, ...]:
-    """Return the files that a document is made of: its own, the one it is a variant of, and so on."""
+    """Return the files of a document: its own, the one it is a variant of, and so on."""
     files = [path]
     while (base := _base(files[-1], _read(files[-1]))) is not None:
         if base in files:
@@ -158,7 +158,7 @@ def _merged(base: dict[Any, Any], changes: dict[Any, Any], *, place: str) -> dic
     return merged
 
 
-# A rig's file is read by whoever asks for its name, kind, parts or content; its text is what is parsed once.
+# A rig's file is read for its name, kind, parts and content; its text is parsed once.
 _parse_once = lru_cache(maxsize=16)(parse_yaml)
 
 
@@ -195,8 +195,8 @@ class StrutPart(MirroredPart):
 class RubberPart(MirroredPart):
     """Progressive stiffness and friction in parallel with a bushing of the SDF, along an axis of frame A.
 
-    The mirror image takes the axis mirrored; frame A on the right must have the axes of the left one, as in
-    the shipped specimens.
+    The mirror image has the mirrored axis; frame A on the right must have the axes of the left one, as in the shipped
+    specimens.
     """
 
     frame_a: str
@@ -214,7 +214,7 @@ class RubberPart(MirroredPart):
 class AntiRollBarPart(BaseModel):
     """An anti-roll bar across the car, given by its left end in the model's frame at design height, in metres.
 
-    The right end is its mirror image. The bar's axis goes across, through the lever's pivot.
+    The right end is its mirror image. The bar's axis is across the car, through the lever's pivot.
     """
 
     model_config = STRICT
@@ -252,7 +252,7 @@ class InputChannel(BaseModel):
     quantity: Quantity
     minimum: Finite
     maximum: Finite
-    #: Largest rate, in unit per second; 0 where none is stated.
+    #: Largest rate, in unit per second; 0 if not stated.
     slew_limit: NotNegative = 0.0
     label: str
 
@@ -275,20 +275,20 @@ class RigSpecimen(BaseModel):
 
     name: RigName
     title: str
-    #: The only sample rate it plays, in Hz.
+    #: Sample rate that the rig plays, in Hz.
     sample_rate: Positive
     #: Longest drive, in s.
     longest_drive: Positive
-    #: How it gets to a drive's first sample, and back to rest.
+    #: Ramp to a drive's first sample, and back to rest.
     approach: Approach = Approach()
-    #: What makes the rig ramp down and latch while it plays.
+    #: Watchdogs that make the rig ramp down and latch during a playback.
     watchdogs: WatchdogLimits = WatchdogLimits()
     #: Channels of the kind of rig: an `InputChannel` each, and a `SensorChannel` each.
     drives: Annotated[tuple[Any, ...], Field(min_length=1)]
     responses: Annotated[tuple[Any, ...], Field(min_length=1)]
 
     def set_up_watchdogs(self, *, followed: Sequence[str] = (), monitored: Sequence[str] = ()) -> tuple[Watchdog, ...]:
-        """Find what its watchdogs name; see :func:`rig_sim.specimen.watchdogs.set_up_watchdogs`."""
+        """Return its watchdogs; see :func:`rig_sim.specimen.watchdogs.set_up_watchdogs`."""
         responses, drives = (
             {channel.name: channel.unit for channel in channels} for channels in (self.responses, self.drives)
         )
@@ -301,16 +301,16 @@ class RigSpecimen(BaseModel):
 
 
 class Specimen(RigSpecimen):
-    """A rig and what is mounted on it."""
+    """A rig and its mounted specimen."""
 
-    #: Name of the SDF or URDF, which lies beside the YAML.
+    #: Name of the SDF or URDF, in the folder of the YAML.
     sdf: SdfName
     #: Integration steps per sample.
     substeps: Annotated[int, Field(ge=1, le=100)]
-    #: How a step is taken; the engine drake chooses by itself.
+    #: Method of a step; the engine drake chooses its own.
     integrator: Method = Method.RUNGE_KUTTA_4
     supply: Supply | None = None
-    #: More supplies, e.g. one per side; an actuator names the one that feeds it.
+    #: Further supplies, e.g. one per side; an actuator names the one that feeds it.
     supplies: dict[Name, Supply] = {}
     actuator_kinds: dict[str, ActuatorKind] = {}
     actuators: tuple[ActuatorPart, ...] = ()
@@ -318,7 +318,7 @@ class Specimen(RigSpecimen):
     rubber: tuple[RubberPart, ...] = ()
     anti_roll_bars: tuple[AntiRollBarPart, ...] = ()
     tyres: tuple[TyrePart, ...] = ()
-    #: What is lost as it is played, from run to run.
+    #: Wear from run to run.
     wear: tuple[Wear, ...] = ()
     drives: Annotated[tuple[InputChannel, ...], Field(min_length=1)]
     responses: Annotated[tuple[ResponseChannel, ...], Field(min_length=1)]
@@ -338,12 +338,12 @@ def load_specimen(path: Path) -> Specimen:
     Returns
     -------
     Specimen
-        Checked.
+        Checked specimen.
 
     Raises
     ------
     SpecimenError
-        Where the file is missing, not YAML, or keys are unknown, missing or out of range; names all of them at once.
+        The file is missing, not YAML, or keys are unknown, missing or out of range; names all of them at once.
     """
     return read_specimen(path, Specimen)
 
@@ -357,8 +357,8 @@ def read_specimen(path: Path, kind: type[_Document]) -> _Document:
 
 
 def explain_problems(error: ValidationError, kind: type[BaseModel]) -> str:
-    """Return what is wrong with a document, in one sentence."""
-    # A union puts the name of the kind it took into the place.
+    """Return the errors of a document in one sentence."""
+    # A union adds the name of the chosen kind to the path.
     hidden = {SPINDLE, *KINDS.values(), *CONTROLS, *PLACES, *WearKind}
     return explain_validation(error, kind, hidden=hidden).sentence
 

@@ -15,7 +15,7 @@ from rig_sim.parameters import STRICT, Finite, Name, NotNegative, Positive
 from rig_sim.specimen.parts import MirroredPart
 from rig_sim.specimen.responses import Axis
 
-#: Never all of it: a part that is gone leaves its body to fall.
+#: Lost share, always below 1: without the part its body would fall.
 Share = Annotated[float, Field(ge=0.0, le=0.95)]
 
 
@@ -28,11 +28,11 @@ class WearKind(StrEnum):
 
 
 class Load(StrEnum):
-    """Load of a part that is counted."""
+    """Counted load of a part."""
 
-    #: In N: of a bushing on its mount, along `axis` of frame A, rubber included.
+    #: Force in N of a bushing on its mount, along `axis` of frame A, including rubber.
     FORCE = "force"
-    #: In m: of a bushing along `axis` of frame A, of a link or strut along itself.
+    #: Deflection in m of a bushing along `axis` of frame A, of a link or strut along itself.
     DEFLECTION = "deflection"
 
 
@@ -43,7 +43,7 @@ class BushingPlace(BaseModel):
 
     frame_a: str
     frame_c: str
-    #: Direction whose load is counted. What is lost is lost in all directions.
+    #: Direction of the counted load. The loss is in all directions.
     axis: Axis
 
 
@@ -65,7 +65,7 @@ class StrutPlace(BaseModel):
 
 
 _PLACES = {"frame_a": "a bushing", "body_a": "a link", "strut": "a strut"}
-#: Names of the places, which pydantic puts into the place of an error; they are no keys of the YAML.
+#: Names of the places, which pydantic adds to the path of an error; they are not keys of the YAML.
 PLACES = frozenset(_PLACES.values())
 
 
@@ -89,10 +89,10 @@ class _PartWear(MirroredPart):
     load: Load
     #: Slope k of the S-N line.
     exponent: Annotated[float, Field(ge=1.0, le=20.0)]
-    #: Range of a load cycle, in N or m, and how many of them are damage 1.
+    #: Range of a load cycle, in N or m, and number of such cycles for damage 1.
     reference_range: Positive
     reference_cycles: Positive
-    #: Shares lost of all stiffness and of all damping of the part: at damage 1, or by a crack at once.
+    #: Lost shares of all stiffness and of all damping of the part: at damage 1, or by a crack at once.
     stiffness_lost: Share = 0.0
     damping_lost: Share = 0.0
 
@@ -105,7 +105,7 @@ class _PartWear(MirroredPart):
         return self
 
     def grown(self, damage: float) -> float:
-        """Return the share, 0 to 1, of `stiffness_lost` and `damping_lost` that is lost at a damage."""
+        """Return the share, 0 to 1, of `stiffness_lost` and `damping_lost` at a damage."""
         raise NotImplementedError
 
 
@@ -113,13 +113,13 @@ class Softening(_PartWear):
     """Stiffness and damping that fade as damage accumulates, up to damage 1; a failed part loses no more."""
 
     kind: Literal[WearKind.SOFTENING]
-    #: Damage up to which nothing is lost.
+    #: Damage without loss.
     from_damage: Annotated[float, Field(ge=0.0, lt=1.0)] = 0.0
-    #: Power of the growth: 1 is linear in damage, more is late and steep.
+    #: Exponent of the growth: 1 is linear in damage, a larger one is late and steep.
     growth: Annotated[float, Field(ge=0.1, le=20.0)] = 1.0
 
     def grown(self, damage: float) -> float:
-        """Return the share of the loss that is there."""
+        """Return the share of the loss at a damage."""
         return min(max((damage - self.from_damage) / (1.0 - self.from_damage), 0.0), 1.0) ** self.growth
 
 
@@ -130,12 +130,12 @@ class Crack(_PartWear):
     at_damage: Positive
 
     def grown(self, damage: float) -> float:
-        """Return 1 where the part is cracked."""
+        """Return 1 if the part is cracked."""
         return float(damage >= self.at_damage)
 
 
 class GainDrift(BaseModel):
-    """A sensor whose gain grows (or, negative, falls) by a share for each run, or for each hour that is played."""
+    """A sensor whose gain grows (or, negative, falls) by a share for each run, or for each played hour."""
 
     model_config = STRICT
 
@@ -144,7 +144,7 @@ class GainDrift(BaseModel):
     channel: str
     per_run: Finite | None = None
     per_hour: Finite | None = None
-    #: Played hours up to which the gain stays.
+    #: Played hours without a change of the gain.
     from_hours: NotNegative = 0.0
 
     @model_validator(mode="after")

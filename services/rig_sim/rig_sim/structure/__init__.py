@@ -1,4 +1,4 @@
-"""Lightly damped structures: beams into modes, modes into a state space that is played exactly."""
+"""Lightly damped structures: beams converted to modes, modes to a state space that is played exactly."""
 
 from rig_sim.structure.rig import StructureRig, load_structure
 from rig_sim.structure.specimen import KIND

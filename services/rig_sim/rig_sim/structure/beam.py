@@ -21,7 +21,7 @@ class Section:
     youngs_modulus: Positive
     shear_modulus: Positive
     density: Positive
-    #: Side along the beam's width axis, and the other one.
+    #: Sides along and across the beam's width axis.
     width: Positive
     thickness: Positive
 
@@ -81,7 +81,7 @@ def element_matrices(
 
 
 def _bending(length: float, sign: float) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness over EI and mass over mass per length, for deflection and rotation of both ends."""
+    """Return stiffness over EI and mass over mass per length, for deflection and rotation of both ends."""
     n = length * sign
     stiffness = np.array(
         [

@@ -1,8 +1,8 @@
 """Modes of a structure as a state space: force in, acceleration out; sampled exactly, and its FRF in closed form.
 
 Each mode has q'' + 2 ζ ω q' + ω² q = Φ_d u with mass-normalised shapes; a response is Σ Φ_r q''. Between samples the
-force is linear, as on every rig of this house, so one matrix exponential a mode says exactly what follows a sample: no
-error of integration, at any damping.
+force is linear, as on every rig of this project, so one matrix exponential per mode is exact: no error of integration,
+at any damping.
 
 Source: L. Ljung, System Identification, 2nd ed. 1999, section 2.1 (sampling); C.F. Van Loan, Computing integrals
 involving the matrix exponential, IEEE Trans. Automatic Control 23 (1978).
@@ -24,7 +24,7 @@ Complex = NDArray[np.complex128]
 
 @dataclass(frozen=True)
 class SampledModel:
-    """x[k+1] = a x[k] + b0 u[k] + b1 u[k+1], y[k] = c x[k] + d u[k]; x is q and q' of each mode in turn."""
+    """x[k+1] = a x[k] + b0 u[k] + b1 u[k+1], y[k] = c x[k] + d u[k]; x has q and q' of each mode in sequence."""
 
     a: np.ndarray
     b0: np.ndarray
@@ -35,7 +35,7 @@ class SampledModel:
 
 @dataclass(frozen=True)
 class ModalModel:
-    """Modes seen from the channels: natural frequency in Hz, damping ratio, mass-normalised shapes in 1/sqrt(kg)."""
+    """Modes at the channels: natural frequency in Hz, damping ratio, mass-normalised shapes in 1/sqrt(kg)."""
 
     frequency: np.ndarray
     damping: np.ndarray
@@ -57,7 +57,7 @@ class ModalModel:
         return SampledModel(a, b0, b1, c, self.at_responses @ self.at_drives.T)
 
     def sampled_frf(self, frequency: np.ndarray, sample_rate: float) -> Complex:
-        """Return the FRF in (m/s^2)/N that a player of this model has, from drive to response samples, in Hz.
+        """Return the FRF in (m/s^2)/N of a player of this model, from drive to response samples, at frequencies in Hz.
 
         It differs from `continuous_frf` by the shape of the drive between samples.
         """
@@ -89,7 +89,7 @@ def _sampled_mode(omega: float, damping: float, interval: float) -> tuple[np.nda
     augmented[:2, :2] = [[0.0, interval], [-(omega**2) * interval, -2.0 * damping * omega * interval]]
     augmented[1, 2] = interval
     augmented[2, 3] = 1.0
-    # Imported here: a multibody rig, which has no modes, shall not wait for scipy at its start.
+    # Imported here, so that a multibody rig, which has no modes, does not wait for scipy at its start.
     from scipy.linalg import expm
 
     solution = np.asarray(expm(augmented))
@@ -99,11 +99,11 @@ def _sampled_mode(omega: float, damping: float, interval: float) -> tuple[np.nda
 
 def find_modes(specimen: StructureSpecimen) -> ModalModel:
     """Return the modes of a structure up to its highest one."""
-    # Imported here: a multibody rig, which has no modes, shall not wait for scipy at its start.
+    # Imported here, so that a multibody rig, which has no modes, does not wait for scipy at its start.
     from scipy.linalg import eigh
 
     stiffness, mass, first = _assemble(specimen)
-    # Both are NumPy arrays; the stubs of scipy say less.
+    # Both are NumPy arrays; the stubs of scipy are less specific.
     squares, shapes = eigh(stiffness, mass)
     squares, shapes = np.asarray(squares), np.asarray(shapes)
     frequency = np.sqrt(np.maximum(squares, 0.0)) / (2.0 * np.pi)

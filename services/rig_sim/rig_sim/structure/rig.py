@@ -34,17 +34,17 @@ class StructureRig:
     watchdogs: tuple[Watchdog, ...] = ()
     faults: tuple[SensorFault, ...] = ()
 
-    #: What plays.
+    #: Name of the engine.
     engine_name = "state space"
 
     @property
     def block_samples(self) -> int:
-        """Samples of every block of a playback but the last."""
+        """Number of samples in every block of a playback except the last."""
         return BLOCK_SAMPLES
 
     @property
     def static_response(self) -> np.ndarray:
-        """Responses at rest (responses,): an accelerometer shows nothing then."""
+        """Responses at rest (responses,): those of accelerometers are 0."""
         return np.zeros(len(self.specimen.responses))
 
     def playback(self, drive: np.ndarray, *, seed: int) -> StructurePlayback:
@@ -52,14 +52,14 @@ class StructureRig:
         return StructurePlayback(self, drive, seed=seed)
 
     def sampled_frf(self, frequency: np.ndarray) -> Complex:
-        """Return the FRF of what it plays (lines, responses, drives) at frequencies (lines,) in Hz."""
+        """Return the FRF of the playback (lines, responses, drives) at frequencies (lines,) in Hz."""
         return self.modes.sampled_frf(frequency, self.specimen.sample_rate)
 
 
 def load_structure(path: Path, faults: Sequence[Fault] = ()) -> StructureRig:
     """Load a structure from its YAML, with faults of its sensors.
 
-    Raises `SpecimenError` where it cannot be used, or a fault is of hydraulics; one sentence.
+    Raises `SpecimenError` if it cannot be used, or a fault is of hydraulics; one sentence.
     """
     whole = read_specimen(path, StructureSpecimen)
     broken = sensor_faults(faults, rig=whole.name, channels=[channel.name for channel in whole.responses])
@@ -80,13 +80,13 @@ class StructurePlayback(SimulatedPlayback):
         super().__init__(rig.specimen, drive, seed=seed, faults=rig.faults, block_samples=rig.block_samples)
         self._rig = rig
         model = rig.sampled
-        # One product a sample, always of the same shape: the same bits however the record is cut into blocks.
+        # One product per sample, always of the same shape: the same bits for any division of the record into blocks.
         self._step = np.block([[model.a, model.b0, model.b1], [model.c, model.d, np.zeros_like(model.d)]])
         self._states = len(model.a)
         self._state = np.zeros(self._states)
 
     def uses(self) -> list[Use]:
-        """Return how every shaker was used so far: its peak; a force has no valve and nothing to follow."""
+        """Return the use of every shaker so far: its peak; a force has no valve and no following error."""
         ratios = zip(self._rig.specimen.drives, self.peak_ratios(), strict=True)
         return [Use(channel.name, ratio, 0.0, 0.0) for channel, ratio in ratios]
 
@@ -102,9 +102,9 @@ class StructurePlayback(SimulatedPlayback):
         )
 
     def _measured(self, forces: np.ndarray) -> np.ndarray:
-        """Play the columns of `forces` but the last, which they lead to; return what healthy sensors say."""
+        """Play the columns of `forces` except the last, which is only their end; return healthy sensors' readings."""
         count, states = forces.shape[1] - 1, self._states
-        # State, force now and force at the next sample, side by side: what one step is made of.
+        # State, force now and force at the next sample, side by side: the input of one step.
         own = np.concatenate([self._state, np.zeros(2 * len(forces))])
         following = np.ascontiguousarray(np.vstack([forces[:, :-1], forces[:, 1:]]).T)
         measured = np.empty((count, len(self._rig.specimen.responses)))

@@ -1,4 +1,4 @@
-"""A structure's YAML: beams between points, masses, suspension, damping; where shakers push and what is measured.
+"""YAML of a structure: beams between points, masses, suspension, damping, shakers and responses.
 
 It is distinguished from a multibody specimen by `kind: state_space` and has no SDF.
 """
@@ -29,7 +29,7 @@ class Beam(BaseModel):
     start: str
     end: str
     width_axis: Vector
-    #: Finite elements along it.
+    #: Number of finite elements along it.
     elements: Annotated[int, Field(ge=1, le=50)]
 
 
@@ -87,10 +87,10 @@ class StructureSpecimen(RigSpecimen):
     """A structure on soft cords, its shakers and its accelerometers."""
 
     kind: Literal["state_space"]
-    #: Modes up to here are played, in Hz; those below `suspension_below` belong to the cords.
+    #: Highest played frequency of the modes, in Hz; modes below `suspension_below` are those of the cords.
     highest_mode: Positive
     suspension_below: Positive
-    #: Places in metres: x forward, y left, z up.
+    #: Coordinates in metres: x forward, y left, z up.
     points: dict[Name, Vector]
     sections: dict[Name, Section]
     beams: Annotated[tuple[Beam, ...], Field(min_length=1)]

@@ -1,4 +1,4 @@
-"""One endurance test: every repeat announced, played once, judged and committed before the next."""
+"""One endurance test: every repeat is announced, played once, judged and committed before the next."""
 
 from __future__ import annotations
 
@@ -36,10 +36,10 @@ _PAUSED: Final = "paused"
 class Progress:
     """State of a test on which the next repeat depends.
 
-    `first_repeat`: Of the recording that is written, `volume`. `announced`: A run of the next repeat that was announced
-    before a crash, its end not known. `hold`: A hold that was not decided. `iterating`: One on which iterating again
-    was decided and is not done. `volume_ended`: Whether that recording is
-    closed. `samples`: Repeats of it whose samples are stored in a step. `kept`: Repeats whose whole samples are kept.
+    `first_repeat`: First repeat of the recording that is written, `volume`. `announced`: A run of the next repeat that
+    was announced before a crash, with an unknown end. `hold`: A hold without a decision. `iterating`: A hold with the
+    decision to iterate again that is not done. `volume_ended`: Whether that recording is closed. `samples`: Repeats of
+    it whose samples are stored in a step. `kept`: Number of repeats whose samples are kept completely.
     """
 
     tallies: list[EventTally]
@@ -60,20 +60,20 @@ class Progress:
 
     @property
     def next_repeat(self) -> int:
-        """The next repeat, from 0."""
+        """Number of the next repeat, from 0."""
         return sum(tally.played for tally in self.tallies)
 
 
 class _EndedByAlarmError(Exception):
-    """An alarm whose action is stop; the message is its sentence."""
+    """End by an alarm whose action is stop; the message is its sentence."""
 
 
 class EnduranceTest:
-    """Plays one schedule on its own thread. A motion is asked for once and never again.
+    """Plays one schedule on a separate thread. A motion is requested once and never repeated.
 
-    `plan`: Checked. `before`: What was done before. `board`: Shows the others how it goes. `repeats_per_volume`:
-    Repeats in one recording. `held_files`: Where repeats are held that an alarm may ask for, beside memory. `on_end`:
-    Called on the test's thread when the rig is free again, before the final status.
+    `plan`: Checked plan. `before`: Progress made before. `board`: Status board for the clients. `repeats_per_volume`:
+    Number of repeats in one recording. `held_files`: Files of held repeats that an alarm may require, in addition to
+    memory. `on_end`: Called on the test's thread when the rig is free again, before the final status.
     """
 
     def __init__(
@@ -101,9 +101,9 @@ class EnduranceTest:
             self._drives[drive.event] = _samples(drive)
         self._kept = KeptSamples(plan.schedule.keep, kept_before=before.kept_before, files=held_files)
         self._alarms = before.alarms
-        # The last repeat, unless a person may have changed the specimen since.
+        # The last repeat; None if a person may have changed the specimen since.
         self._last: HeldRepeat | None = None
-        # Asked for by this process: a name that a campaign has is never free again.
+        # Campaigns requested by this process: the name of a campaign is never free again.
         self._campaigns: list[str] = []
         self._first_repeat, self._attempt = before.first_repeat, 1
         self._stop = threading.Event()
@@ -120,38 +120,38 @@ class EnduranceTest:
             on_wait=self._show_waiting,
         )
         self._holds = Holds(self.id, log=self._log, stop=self._stop, last=before.holds, on_wait=self._show_hold)
-        # Mean time of a repeat, the last ones count most.
+        # Mean duration of a repeat, with the largest weight for the last ones.
         self._repeat_seconds = 0.0
 
     def start(self) -> None:
-        """Begin; return at once."""
+        """Start the test's thread and return at once."""
         self._board.start_publishing()
         threading.Thread(target=self._run, name=f"endurance-{self.id}", daemon=True).start()
 
     def stop(self, reason: str, *, latch: bool = True) -> None:
-        """End it: a repeat is broken off, nothing new is begun, the rig is latched. Return at once."""
-        # First: the test's thread may end as soon as the event is set.
+        """Request the end and return at once: a repeat is interrupted, no further step begins, the rig is latched."""
+        # Before the event: the test's thread may end as soon as the event is set.
         self._latching = self._latching or latch
         if not self._stop.is_set():
             self._stop_reason = reason
             self._stop.set()
 
     def leave(self) -> None:
-        """Break off as a crash would: the recording stays open, and a resume continues. Return at once."""
+        """Interrupt the test as a crash would and return at once: the recording stays open for a resume."""
         self._leaving = True
         self.stop("the sequencer was told to end", latch=False)
 
     def hold(self, reason: str) -> None:
-        """Hold the test after the current repeat. Return at once."""
+        """Hold the test after the current repeat; return at once."""
         self._holds.ask(reason)
 
     def resume(self, call: Call) -> None:
-        """Continue after a hold that a person or a fault made; raises FaultError where the rig cannot play."""
+        """Continue after a hold by a person or a fault; raises FaultError if the rig cannot play."""
         self._require_rig()
         self._holds.resume(call)
 
     def decide(self, decision: sequencer_pb2.EnduranceDecision, call: Call) -> None:
-        """Take a person's decision on a hold; return when it is stored."""
+        """Apply a person's decision on a hold; return when it is stored."""
         if decision.kind != sequencer_pb2.ENDURANCE_DECISION_KIND_END and self._holds.open is not None:
             self._require_rig()
         self._holds.decide(decision, call)
@@ -203,7 +203,7 @@ class EnduranceTest:
         return final
 
     def _sequence(self) -> None:
-        """Do all steps that were not done before."""
+        """Do all remaining steps."""
         self._begin()
         if self._before.hold is not None:
             self._apply(self._before.hold, self._holds.wait(self._before.hold, stored=True))
@@ -223,7 +223,7 @@ class EnduranceTest:
                 self._show_progress(next_repeat)
 
     def _begin(self) -> None:
-        """Bring the recording to the step before the next repeat."""
+        """Store the steps of the recording before the next repeat."""
         before = self._before
         self._require_running()
         self._step = "storing what the test is"
@@ -273,7 +273,7 @@ class EnduranceTest:
         )
 
     def _repeat(self, repeat: int) -> bool:
-        """Play, judge and commit one repeat; return False where the rig did not move and the test waited."""
+        """Play, judge and commit one repeat; return False if the rig did not move and the test waited."""
         event = int(self._plan.sequence[repeat])
         tally, name = self._tallies[event], self._plan.names[event]
         if refusal := self._rig.refusal():
@@ -303,7 +303,7 @@ class EnduranceTest:
     def _commit_played(
         self, repeat: int, event: int, played: rig_pb2.PlayResult, response: NDArray[np.float64], *, kept: bool
     ) -> None:
-        """Judge a repeat, commit it, and do what follows from its alarms."""
+        """Judge a repeat, commit it, and perform the actions of its alarms."""
         tally, name = self._tallies[event], self._plan.names[event]
         verdict = self._monitor.judge(repeat, name, response=response)
         damage = verdict.statistics.table[:, _DAMAGE]
@@ -336,7 +336,7 @@ class EnduranceTest:
             self._after_alarms(step, verdict)
 
     def _commit_kept(self, step: sequencer_pb2.EnduranceRepeat, held: HeldRepeat, played: rig_pb2.PlayResult) -> None:
-        """Commit a repeat with its signal blocks, or where the recorder lacks some, with its samples."""
+        """Commit a repeat with its signal blocks, or with its samples if the recorder lacks some."""
         step.signal_epoch, step.signal_blocks = played.epoch, played.blocks
         step.samples_hash = samples_hash(self._drives[held.event], held.response)
         try:
@@ -374,7 +374,7 @@ class EnduranceTest:
         return actions.abort if level is AlarmLevel.ABORT else actions.warning
 
     def _after_alarms(self, step: sequencer_pb2.EnduranceRepeat, verdict: RepeatVerdict) -> None:
-        """Keep the samples around an alarm, and do the most cautious of the actions."""
+        """Keep the samples around an alarm, and perform the most cautious of the actions."""
         for alarm in step.alarms:
             self._journal.warning("alarm", repeat=step.repeat, what=alarm.sentence)
         self._commit_held(self._kept.after_alarm(step.repeat), f"around the alarm of repeat {step.repeat}")
@@ -389,7 +389,7 @@ class EnduranceTest:
             self._apply(hold, self._holds.decided(hold, sequencer_pb2.ENDURANCE_DECISION_KIND_ITERATE_AGAIN))
 
     def _break_off(self, repeat: int, run: str, fault: FaultError) -> None:
-        """Count a repeat whose end is not known, bring the rig to rest, and wait for a person."""
+        """Count a repeat with an unknown end, bring the rig to rest, and wait for a person."""
         self._journal.warning("A repeat was broken off.", run=run, why=fault.message)
         if self._stop.is_set():
             self._count_unknown(repeat, run, f"it was stopped: {self._stop_reason}")
@@ -403,7 +403,7 @@ class EnduranceTest:
         )
 
     def _count_unknown(self, repeat: int, run: str, why: str) -> None:
-        """Commit a repeat that was announced and whose end is not known: never played again, its damage as planned."""
+        """Commit an announced repeat with an unknown end: never played again, its damage as planned."""
         event = int(self._plan.sequence[repeat])
         tally = self._tallies[event]
         damage = tally.count_unknown()
@@ -426,7 +426,7 @@ class EnduranceTest:
         self._board.change(lambda status: None, remarks=[reason])
 
     def _wait(self, reason: str, *, alarms: Sequence[sequencer_pb2.EnduranceAlarm] = ()) -> None:
-        """Wait before the next repeat, and do what is decided."""
+        """Wait before the next repeat, and apply the decision."""
         next_repeat = sum(tally.played for tally in self._tallies)
         hold = sequencer_pb2.EnduranceHold(next_repeat=next_repeat, reason=reason, alarms=alarms)
         self._last = None
@@ -443,7 +443,7 @@ class EnduranceTest:
             self._iterate_again(hold)
 
     def _iterate_again(self, hold: sequencer_pb2.EnduranceHold) -> None:
-        """Correct the drives of the events with alarms, or of the next repeat's; hold again where that fails."""
+        """Correct the drives of the events with alarms, or of the next repeat's event; hold again if that fails."""
         next_event = int(self._plan.sequence[min(hold.next_repeat, len(self._plan.sequence) - 1)])
         for event in sorted({alarm.event for alarm in hold.alarms} or {next_event}):
             name, number = self._plan.names[event], self._tallies[event].drive + 1
@@ -456,7 +456,7 @@ class EnduranceTest:
                 return
 
     def _correct(self, event: int, number: int) -> None:
-        """Give an event another drive, made by a campaign of its own."""
+        """Give an event another drive, made by a separate campaign."""
         name, parent = self._plan.names[event], self._plan.spec.events[event].campaign
         if not parent:
             raise FaultError(
@@ -533,7 +533,7 @@ class EnduranceTest:
         status.phase, status.activity = sequencer_pb2.ENDURANCE_PHASE_PLAYING, self._step
 
     def _show_hold(self, hold: sequencer_pb2.EnduranceHold | None) -> None:
-        """Show what the test waits with, or that it continues."""
+        """Show the hold that the test waits with, or that it continues."""
 
         def change(status: sequencer_pb2.EnduranceStatus) -> None:
             status.ClearField("hold")
@@ -549,14 +549,14 @@ class EnduranceTest:
         self._board.change(change)
 
     def _show_waiting(self, why: str) -> None:
-        """Say that the test pauses, because its next step cannot be stored yet."""
+        """Show that the test pauses because its next step cannot be stored yet."""
         if why and not self._board.snapshot().activity.startswith(_PAUSED):
             self._journal.warning("The endurance test waits for its recorder.", step=self._step, why=why)
         activity = f"{_PAUSED} while {self._step}: {why}" if why else self._step
         self._board.change(lambda status: setattr(status, "activity", activity))
 
     def _broken_off(self, fault: FaultError) -> sequencer_pb2.EnduranceStatus:
-        """Bring the rig to rest, close the recording where the test ended, and say why."""
+        """Bring the rig to rest, close the recording if the test ended, and return the final status with the fault."""
         final = self._final_fault(fault)
         self._halt(final)
         ended = self._stop.is_set() and not self._leaving
@@ -569,7 +569,7 @@ class EnduranceTest:
         return final
 
     def _halt(self, final: sequencer_pb2.EnduranceStatus) -> None:
-        """Bring the rig to rest, and latch it where the test was stopped."""
+        """Bring the rig to rest, and latch it if the test was stopped."""
         self._latched = self._latching
         halt_rig(self._bus, self.rig, final, run=self._moving_run, reason=self._stop_reason, latch=self._latching)
 

@@ -1,4 +1,4 @@
-"""Waiting before a repeat: asked for by a person, or made necessary by an alarm or a fault; and what ends it."""
+"""Holds before a repeat, requested by a person or caused by an alarm or a fault, and their decisions."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ class _Answer:
 
 
 class Holds:
-    """The hold points of an endurance test. `wait` is called on the test's thread, all else on any.
+    """Hold points of an endurance test. `wait` is called on the test's thread, other methods on any.
 
-    `log`: Where holds and decisions are stored. `stop`: Ends the waiting. `last`: Number of the last hold so far.
+    `log`: Log of holds and decisions. `stop`: Event that ends the waiting. `last`: Number of the last hold so far.
     `on_wait`: Called with the hold when the test waits, and with None when it continues.
     """
 
@@ -54,7 +54,7 @@ class Holds:
         self._answer: _Answer | None = None
 
     def ask(self, reason: str) -> None:
-        """Have the test wait before the next repeat."""
+        """Request a wait before the next repeat."""
         self._asked = reason
 
     @property
@@ -63,7 +63,7 @@ class Holds:
         return self._asked
 
     def wait(self, hold: sequencer_pb2.EnduranceHold, *, stored: bool = False) -> sequencer_pb2.EnduranceDecision:
-        """Store a hold, wait for its decision, store that and return it; raises FaultError CANCELLED on a stop."""
+        """Store a hold, wait for its decision, store and return the decision; raises FaultError CANCELLED on a stop."""
         if not stored:
             self.last += 1
             hold.number = self.last
@@ -95,7 +95,7 @@ class Holds:
     def decided(
         self, hold: sequencer_pb2.EnduranceHold, kind: sequencer_pb2.EnduranceDecisionKind
     ) -> sequencer_pb2.EnduranceDecision:
-        """Store a hold that the schedule decides itself, and its decision, and return that."""
+        """Store a hold that the schedule decides, and its decision; return the decision."""
         self.last += 1
         hold.number = self.last
         self._log.commit(hold)
@@ -107,11 +107,11 @@ class Holds:
 
     @property
     def open(self) -> sequencer_pb2.EnduranceHold | None:
-        """The hold that the test waits with; None where it does not wait."""
+        """The hold that the test waits with; None if it does not wait."""
         return self._open
 
     def decide(self, decision: sequencer_pb2.EnduranceDecision, call: Call) -> None:
-        """Check a person's decision, of which nothing is trusted; return when it is stored."""
+        """Check a person's untrusted decision; return when it is stored."""
         for field, longest in (("name", _LONGEST_NAME), ("reason", _LONGEST_REASON)):
             said = getattr(decision, field)
             if not said.strip() or len(said) > longest:
@@ -121,7 +121,7 @@ class Holds:
         self._take(decision.hold, decision, call)
 
     def resume(self, call: Call) -> None:
-        """Continue after a hold that a person or a fault made; return when it is stored."""
+        """Continue after a hold by a person or a fault; return when it is stored."""
         hold = self._open
         if hold is None:
             raise _refused(f"Endurance test {self._id!r} does not wait; there is nothing to resume.", field="id")

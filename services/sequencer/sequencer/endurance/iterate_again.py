@@ -1,4 +1,4 @@
-"""Correcting the drive of an event: a campaign of its own on the iterator, from the present drive and a known model."""
+"""Correction of an event's drive: a separate campaign on the iterator, from the present drive and a known model."""
 
 from __future__ import annotations
 
@@ -45,13 +45,13 @@ def corrected_drive(
     stop: threading.Event,
     on_activity: Callable[[str], None],
 ) -> NDArray[np.float64]:
-    """Have the iterator correct a drive; return that of its best playback, shape (drives, samples).
+    """Let the iterator correct a drive; return the drive of its best playback, shape (drives, samples).
 
-    `response`: Of the last repeat, if nobody may have touched the rig since; otherwise `drive` is played once more.
-    `parent`: Campaign that the first drive of the event is from: its target, settings and model are used.
-    `corrected_by`: Campaign of the present drive; empty for the first one. `id`: Of the new campaign. `playbacks`: Most
+    `response`: Response of the last repeat, if the rig cannot have been changed since; otherwise `drive` is played once
+    more. `parent`: Campaign of the event's first drive, whose target, settings and model are used. `corrected_by`:
+    Campaign of the present drive; empty for the first one. `id`: Id of the new campaign. `playbacks`: Largest number of
     corrections.
-    Raises FaultError: Why there is none; CANCELLED where `stop` was set, the campaign is stopped then.
+    Raises FaultError: Reason why there is no drive; CANCELLED if `stop` was set, which also stops the campaign.
     """
     spec = _specification(bus, parent)
     spec.id = id
@@ -59,7 +59,7 @@ def corrected_drive(
         # Steps of the new specimen are left out: no model explains both, and the misfit makes steps cautious and wrong.
         fill_message(spec.update, update_of_worn(from_message(spec.update, ResolvedUpdate, field="update")))
     else:
-        # The rig is the same but for what it has lost.
+        # The rig is the same except for its wear.
         spec.known.learn_from.extend(filter(None, (parent, corrected_by)))
     first, rate = spec.known.first_drive, description.sample_rate
     first.source = "the endurance test"
@@ -91,10 +91,11 @@ def corrected_drive(
 
 
 def update_of_worn(update: ResolvedUpdate) -> ResolvedUpdate:
-    """Return the settings of a secant update for a rig that is no longer the one that was identified.
+    """Return the settings of a secant update for a rig that has changed since its identification.
 
-    The present response and each new step count most, the identified model less, and each line alone: what has changed
-    is narrower than the smoothing. The rig answers a small step by more than a large one, hence the gain.
+    The present response and each new step have the largest weight, the identified model a smaller one, and each line is
+    fitted separately: the change is narrower than the smoothing. The rig responds more to a small step than to a large
+    one, hence the gain.
     """
     secant = update.secant
     learning = {
@@ -111,7 +112,7 @@ def update_of_worn(update: ResolvedUpdate) -> ResolvedUpdate:
 
 
 def _specification(bus: Bus, parent: str) -> iterator_pb2.CampaignSpec:
-    """Return the campaign of the parent, with its model as the known one."""
+    """Return the parent's campaign with its model as the known one."""
     spec, model = iterator_pb2.CampaignSpec(), None
     for message, _ in _steps(bus, parent):
         match message:
@@ -128,7 +129,7 @@ def _specification(bus: Bus, parent: str) -> iterator_pb2.CampaignSpec:
         )
     for name in ("parent", "parent_iteration", "levels", "confirmations", "pre_test", "known"):
         spec.ClearField(name)
-    # The person who decided, or wrote the schedule, has let it play.
+    # The person who decided, or wrote the schedule, has allowed the playback.
     spec.hold.CopyFrom(iterator_pb2.HoldSettings(when=iterator_pb2.HOLD_POINT_NEVER))
     spec.known.model.CopyFrom(model)
     spec.known.model_source = parent

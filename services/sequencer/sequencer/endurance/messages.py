@@ -1,4 +1,4 @@
-"""Tallies, statistics and alarms as messages, and back."""
+"""Conversion of tallies, statistics and alarms to messages, and back."""
 
 from __future__ import annotations
 
@@ -39,14 +39,14 @@ def column_names(settings: MonitoringSettings) -> list[str]:
 
 
 def put_statistics(statistics: RepeatStatistics, into: sequencer_pb2.EnduranceRepeat) -> None:
-    """Put the statistics of a repeat into its step, columns as in `column_names`."""
+    """Set the statistics of a repeat in its step, columns as in `column_names`."""
     into.statistics.CopyFrom(to_array(np.concatenate([statistics.table, statistics.residual], axis=1)))
     into.measures.CopyFrom(to_array(statistics.measures))
     into.lag = 0.0 if np.isnan(statistics.lag) else statistics.lag
 
 
 def stored_statistics(repeat: sequencer_pb2.EnduranceRepeat, *, responses: int) -> RepeatStatistics:
-    """Return the statistics that a step holds."""
+    """Return the statistics of a step."""
     table, measures = (
         from_array(array, field=name, shape=(responses, None), dtype=np.float64, finite=False)
         for name, array in (("statistics", repeat.statistics), ("measures", repeat.measures))
@@ -56,7 +56,7 @@ def stored_statistics(repeat: sequencer_pb2.EnduranceRepeat, *, responses: int) 
 
 
 def alarm_message(alarm: Alarm, *, event: int, action: AlarmAction, found: int) -> sequencer_pb2.EnduranceAlarm:
-    """Return an alarm with its action; `found`: in nanoseconds since 1970 UTC."""
+    """Return an alarm with its action; `found`: Time in nanoseconds since 1970 UTC."""
     lowest, highest = alarm.band or (0.0, 0.0)
     return sequencer_pb2.EnduranceAlarm(
         repeat=alarm.repeat,
@@ -76,7 +76,7 @@ def alarm_message(alarm: Alarm, *, event: int, action: AlarmAction, found: int) 
 
 
 def event_progress(name: str, tally: EventTally) -> sequencer_pb2.EventProgress:
-    """Return how far an event is."""
+    """Return the progress of an event."""
     return sequencer_pb2.EventProgress(
         name=name,
         planned=tally.planned,
@@ -92,7 +92,7 @@ def event_progress(name: str, tally: EventTally) -> sequencer_pb2.EventProgress:
 def restored_tally(
     message: sequencer_pb2.EventProgress, planned_damage: NDArray[np.float64] | None, *, responses: int
 ) -> EventTally:
-    """Return the tally of an event as a recording holds it."""
+    """Return the tally of an event from a recording."""
     damage, measured = (
         from_array(array, field="damage", shape=(responses,), dtype=np.float64)
         for array in (message.damage, message.measured_damage)
@@ -110,5 +110,5 @@ def restored_tally(
 
 
 def progress_of_events(names: Sequence[str], tallies: Sequence[EventTally]) -> list[sequencer_pb2.EventProgress]:
-    """Return how far all events are."""
+    """Return the progress of all events."""
     return [event_progress(name, tally) for name, tally in zip(names, tallies, strict=True)]

@@ -1,4 +1,4 @@
-"""An endurance test that was checked against its rig, before anything moves."""
+"""An endurance test that was checked against its rig before any motion."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ _MOST_HELD_BYTES: Final = 512 * 1024 * 1024
 class EndurancePlan:
     """A checked endurance test.
 
-    `sequence`, shape (repeats,): Index of the event of each repeat. `drives`: Of each event, shape (drives, samples),
-    as specified. `planned_damage`: Of each event, shape (responses,), None where it is not known.
+    `sequence`, shape (repeats,): Index of the event of each repeat. `drives`: Drive of each event, shape (drives,
+    samples), as specified. `planned_damage`: Damage of each event, shape (responses,), None if it is not known.
     """
 
     spec: sequencer_pb2.EnduranceSpec
@@ -49,7 +49,7 @@ class EndurancePlan:
         return [channel.name for channel in self.description.responses]
 
     def fresh_tallies(self) -> list[EventTally]:
-        """Return the tallies of a test of which nothing was played."""
+        """Return the tallies of a test without any repeat."""
         counts = np.bincount(self.sequence, minlength=len(self.drives))
         size = len(self.description.responses)
         return [
@@ -58,7 +58,7 @@ class EndurancePlan:
         ]
 
     def fresh_monitor(self) -> Monitor:
-        """Return a monitor that has judged nothing; raises FaultError where the settings do not fit the rig."""
+        """Return a monitor without any judged repeat; raises FaultError if the settings do not fit the rig."""
         try:
             return Monitor(
                 self.schedule.monitoring,
@@ -70,7 +70,7 @@ class EndurancePlan:
             raise invalid(str(error), field="schedule") from error
 
     def restored_monitor(self, state: bytes, baselines: Sequence[bytes]) -> Monitor:
-        """Return the monitor with a state that was stored."""
+        """Return the monitor with a stored state."""
         if not state:
             return self.fresh_monitor()
         try:
@@ -107,7 +107,7 @@ def require_names(spec: sequencer_pb2.EnduranceSpec) -> None:
 
 
 def plan_endurance(spec: sequencer_pb2.EnduranceSpec, description: rig_pb2.RigDescription) -> EndurancePlan:
-    """Check an endurance test against its rig, of which nothing is trusted."""
+    """Check an untrusted endurance test against its rig."""
     schedule = _schedule(spec)
     if schedule.rig != spec.rig:
         raise invalid(f"The schedule is for the rig {schedule.rig!r}, not for {spec.rig!r}.", field="rig")
@@ -156,7 +156,7 @@ def checked_drive(
     *,
     field: str,
 ) -> NDArray[np.float64]:
-    """Return a drive that has the channels, the rate and the limits of the rig."""
+    """Return a drive with the channels, the rate and the limits of the rig."""
     try:
         channels, rate, drive = from_record(event.drive, field=field)
     except ArrayError as error:
@@ -213,7 +213,7 @@ def _require_room_for_held(plan: EndurancePlan) -> None:
 
 
 def _require_bands(plan: EndurancePlan) -> None:
-    """Refuse bands that the shortest event is too short for; the monitor says so at its first repeat."""
+    """Refuse bands that need a longer event; the monitor reports that at its first repeat."""
     monitor = plan.fresh_monitor()
     for name, drive in zip(plan.names, plan.drives, strict=True):
         silent = np.zeros((len(plan.description.responses), drive.shape[1]))

@@ -1,4 +1,4 @@
-"""An endurance test as its recordings hold it: what the next repeat depends on, read back from the last of them."""
+"""Endurance test read from its recordings: the state for the next repeat, from the last recording."""
 
 from __future__ import annotations
 
@@ -35,11 +35,11 @@ _KINDS: Final = {
 class RecordedVolume:
     """Content of one recording of an endurance test.
 
-    `steps`: How many were committed. `volume`: Its beginning; None where a crash came before. `repeats`: In order,
-    without those of earlier recordings. `changes`: These, decisions and drives in their order. `announced`: A run that
-    was announced and of which nothing followed. `hold`: One that was not decided. `iterating`: One on
-    which iterating again was decided and is not done. `samples`: Repeats with their samples
-    in a step. `played`: Runs proved to be recorded.
+    `steps`: Number of committed steps. `volume`: Its beginning; None if a crash came before. `repeats`: In order,
+    without those of earlier recordings. `changes`: Repeats, decisions and drives in their order. `announced`: An
+    announced run without any later step. `hold`: A hold without a decision. `iterating`: A hold with the decision to
+    iterate again that is not done. `samples`: Repeats with their samples in a step. `played`: Runs with a stored
+    RunPlayed.
     """
 
     number: int
@@ -96,7 +96,7 @@ class RecordedVolume:
 
     def _take_hold(self, message: sequencer_pb2.EnduranceHold | sequencer_pb2.EnduranceDecision) -> None:
         if isinstance(message, sequencer_pb2.EnduranceHold):
-            # A rig that refused the run that was announced did not move.
+            # The rig refused the announced run and did not move.
             self.announced = None
             self.hold, self.holds, self.iterating = message, message.number, None
             return
@@ -108,16 +108,16 @@ class RecordedVolume:
 
 @dataclass(frozen=True)
 class RecordedTest:
-    """An endurance test as far as it came: its specification, and the last recording in which something is."""
+    """An endurance test up to its last step: its specification, and the last recording that has a step."""
 
     spec: sequencer_pb2.EnduranceSpec
     last: RecordedVolume
 
 
 def read_endurance(bus: Bus, id: str) -> RecordedTest:
-    """Read back an endurance test.
+    """Read an endurance test from its recordings.
 
-    Raises FaultError: NOT_FOUND where there is no such recording, DATA_LOSS where it is damaged or no endurance test's.
+    Raises FaultError: NOT_FOUND if there is no such recording, DATA_LOSS if it is damaged or not an endurance test's.
     """
     number = last_volume(bus, id)
     if number == 0:

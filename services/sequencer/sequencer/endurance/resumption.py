@@ -17,12 +17,12 @@ from sequencer.endurance.test_log import volume_name
 
 
 def fresh_progress(plan: EndurancePlan) -> Progress:
-    """Return the progress of a test of which nothing was played."""
+    """Return the progress of a test without any repeat."""
     return Progress(tallies=plan.fresh_tallies(), monitor=plan.fresh_monitor())
 
 
 def require_open(bus: Bus, recorded: RecordedTest) -> None:
-    """Refuse a test that has ended; close its recording first where a crash came between its last step and that."""
+    """Refuse a test that has ended; close its recording first if a crash prevented that."""
     if (final := recorded.last.final) is not None:
         if not recorded.last.closed:
             log = RecordingLog(bus, volume_name(recorded.spec.id, recorded.last.number), next_step=recorded.last.steps)
@@ -47,7 +47,7 @@ def require_same_rig(recorded: RecordedTest, description: rig_pb2.RigDescription
 
 
 def go_on_recording(bus: Bus, recorded: RecordedTest) -> None:
-    """Make sure that the recorder continues with the last recording."""
+    """Check that the recorder can continue the last recording."""
     last = recorded.last
     if last.closed or last.last is None:
         return
@@ -56,7 +56,7 @@ def go_on_recording(bus: Bus, recorded: RecordedTest) -> None:
 
 
 def recorded_progress(recorded: RecordedTest, plan: EndurancePlan) -> Progress:
-    """Return what the next repeat depends on, from the last recording."""
+    """Return the state for the next repeat, from the last recording."""
     last = recorded.last
     if last.volume is None:
         fresh = fresh_progress(plan)
@@ -94,7 +94,7 @@ def recorded_progress(recorded: RecordedTest, plan: EndurancePlan) -> Progress:
         holds=last.holds,
         drives=list(drives.values()),
         announced=last.announced.run if last.announced is not None else "",
-        # A hold that a fault or a person made ends with the resume.
+        # A hold by a fault or a person ends with the resume.
         hold=last.hold if last.hold is not None and last.hold.alarms else None,
         iterating=last.iterating,
         volume_ended=last.closed,
@@ -104,7 +104,7 @@ def recorded_progress(recorded: RecordedTest, plan: EndurancePlan) -> Progress:
 
 
 def _monitor_again(monitor: Monitor, change: Message, plan: EndurancePlan, *, responses: int) -> None:
-    """Bring the monitor over a recorded step to where it was after it."""
+    """Update the monitor by a recorded step, as the step did during the test."""
     match change:
         case sequencer_pb2.EnduranceRepeat() if change.end == sequencer_pb2.REPEAT_END_PLAYED:
             statistics = stored_statistics(change, responses=responses)

@@ -1,4 +1,4 @@
-"""Playing a repeat on the rig: asked for once, its response checked."""
+"""Playback of a repeat on the rig: requested once, its response checked."""
 
 from __future__ import annotations
 
@@ -23,20 +23,20 @@ REFUSALS: Final = frozenset(
         query_pb2.FAULT_CODE_UNIMPLEMENTED,
     }
 )
-"""Codes of a fault of `play` after which the rig did not move: it checks a request before."""
+"""Fault codes of `play` after which the rig did not move, because it checks a request first."""
 
-# A real rig may wait for a person, as a file rig does for a response: over a long weekend as well.
+# A real rig may wait for a person, as a file rig does for a response, even over a long weekend.
 _WEEK_SECONDS: Final = 7 * 24 * 3600.0
-# A simulated one waits for nothing but its processor.
+# A simulated rig waits for its processor only.
 _SIMULATION_SECONDS: Final = 30.0
 _SIMULATION_RATIO: Final = 20.0
-# A repeat whose end is not known is never played again: a machine that is overloaded for a while must not cost one. The
-# end of the rig's process or link is noticed at once all the same.
+# A repeat with an unknown end is never played again: a machine that is overloaded for some time must not cost one. The
+# end of the rig's process or link is noticed at once nevertheless.
 _SILENCE_SECONDS: Final = 60.0
 
 
 class RigPlayback:
-    """The rig of one endurance test; used by its thread. `cancel`: Breaks a repeat off."""
+    """Rig of one endurance test; used by its thread. `cancel`: Event that interrupts a repeat."""
 
     def __init__(self, bus: Bus, plan: EndurancePlan, *, cancel: threading.Event) -> None:
         self._bus = bus
@@ -45,7 +45,7 @@ class RigPlayback:
         self._slowest = 0.0
 
     def refusal(self) -> str:
-        """Return why the rig cannot play now; empty where it can. Nothing is announced before."""
+        """Return why the rig cannot play now; empty if it can. Nothing is announced before."""
         rig = self._plan.spec.rig
         try:
             state = self._bus.query(self._bus.keys.rig_state(rig), rig_pb2.StateRequest(), rig_pb2.RigState)
@@ -83,7 +83,7 @@ class RigPlayback:
     def _longest_seconds(self, seconds: float) -> float:
         """Return the longest time to the end of a repeat: the bus holds memory of each repeat until then.
 
-        How slow a simulated rig is, its first repeat says: in seconds of playing for a second of the drive.
+        The first repeat shows how slow a simulated rig is: playing time in seconds for a second of the drive.
         """
         if self._plan.description.simulated and self._slowest:
             return _SIMULATION_SECONDS + _SIMULATION_RATIO * max(1.0, self._slowest) * seconds
@@ -91,14 +91,14 @@ class RigPlayback:
 
 
 def repeat_seed(seed: int, repeat: int) -> int:
-    """Return the seed of what is random in a simulated rig in a repeat: the first 64 bits of the seed sequence."""
+    """Return the seed of a simulated rig's random processes in a repeat: the first 64 bits of the seed sequence."""
     return int(np.random.SeedSequence([seed, repeat]).generate_state(1, np.uint64)[0])
 
 
 def _checked_response(
     played: rig_pb2.PlayResult, run: str, samples: int, description: rig_pb2.RigDescription
 ) -> NDArray[np.float64]:
-    """Return the response of a repeat; raise FaultError DATA_LOSS where it is not one of this rig."""
+    """Return the response of a repeat; raises FaultError DATA_LOSS if it is not one of this rig."""
     try:
         channels, _, response = from_record(played.response, field="response")
     except ArrayError as error:

@@ -1,4 +1,4 @@
-"""The state of one endurance test as the others see it: asked for at any time, published at every change."""
+"""Status of one endurance test for its clients: readable at any time, published at every change."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from duralab_proto.v1 import query_pb2, sequencer_pb2
 _SHORTEST_SECONDS: Final = 0.1
 _REPEAT_SECONDS: Final = 0.5
 MOST_SHOWN: Final = 20
-"""Alarms and remarks in a status."""
+"""Largest number of alarms and of remarks in a status."""
 
 _FINAL_PHASES: Final = frozenset(
     {
@@ -32,7 +32,7 @@ def is_final(status: sequencer_pb2.EnduranceStatus) -> bool:
 class StatusBoard:
     """Status of one endurance test. The test's thread changes it; any thread may read it.
 
-    `status`: At the beginning. `publish`: Called with each status that is published, one at a time.
+    `status`: Status at the beginning. `publish`: Called with each published status, one at a time.
     """
 
     def __init__(
@@ -45,17 +45,17 @@ class StatusBoard:
         self._lock = threading.Lock()
         self._ended = threading.Event()
         self._changed = True
-        # Replaced at every change, never changed itself: a reader needs no lock and never waits for the bus.
+        # Replaced at every change and never modified: a reader needs no lock and never waits for the bus.
         self._status = status
 
     def snapshot(self) -> sequencer_pb2.EnduranceStatus:
-        """Return the status now; it is not to be changed."""
+        """Return the present status; callers must not change it."""
         return self._status
 
     @property
     def ended(self) -> bool:
         """Whether the phase is final."""
-        # Under the lock: the final status is published before it is set, and its reader may ask for a resume at once.
+        # Under the lock: the final status is published before the event is set, and a reader may then resume at once.
         with self._lock:
             return self._ended.is_set()
 
@@ -64,7 +64,7 @@ class StatusBoard:
         return self._ended.wait(timeout_seconds)
 
     def start_publishing(self) -> None:
-        """Publish the status when it has changed, and every half second, from an own thread, until the final phase."""
+        """Publish the status at changes and every half second, on a separate thread, until the final phase."""
         threading.Thread(target=self._publishing, name=f"endurance-status-{self._status.id}", daemon=True).start()
 
     def change(
@@ -74,7 +74,7 @@ class StatusBoard:
         remarks: Sequence[str] = (),
         alarms: Sequence[sequencer_pb2.EnduranceAlarm] = (),
     ) -> None:
-        """Show a changed status: a copy is handed to `change`; remarks and alarms are added, the last ones kept."""
+        """Show a changed status: `change` gets a copy; remarks and alarms are added, and the last ones kept."""
         status = sequencer_pb2.EnduranceStatus()
         status.CopyFrom(self._status)
         change(status)
@@ -92,7 +92,7 @@ class StatusBoard:
     def final_status(
         self, phase: sequencer_pb2.EndurancePhase, activity: str, *, fault: query_pb2.Fault | None = None
     ) -> sequencer_pb2.EnduranceStatus:
-        """Return what the status will be at the end, without showing it yet: it is stored first."""
+        """Return the status of the end without showing it yet, because it is stored first."""
         status = sequencer_pb2.EnduranceStatus()
         status.CopyFrom(self._status)
         status.phase, status.activity, status.remaining_seconds = phase, activity, 0.0
@@ -102,7 +102,7 @@ class StatusBoard:
         return status
 
     def end(self, status: sequencer_pb2.EnduranceStatus) -> None:
-        """Show the final status; nothing follows."""
+        """Show the final status; later changes are ignored."""
         if not is_final(status):
             raise ValueError(f"The phase {status.phase} is not final.")
         with self._lock:

@@ -1,4 +1,4 @@
-"""The recordings of one endurance test, one after the other: each holds a bounded number of repeats."""
+"""Recordings of one endurance test, one after the other; each holds a bounded number of repeats."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from duralab_proto.keys import LONGEST_NAME
 from duralab_proto.v1 import query_pb2, recorder_pb2
 
 LONGEST_ID: Final = LONGEST_NAME - len(".r9999999-999")
-"""Most characters of an id: its runs and its recordings have longer names."""
+"""Largest number of characters of an id: its runs and its recordings have longer names."""
 
 
 def volume_name(id: str, number: int) -> str:
@@ -22,15 +22,15 @@ def volume_name(id: str, number: int) -> str:
 
 
 def run_name(id: str, repeat: int, *, attempt: int = 1) -> str:
-    """Return the name of a repeat on the rig; a further attempt, after the rig refused one, has a number."""
+    """Return the name of a repeat on the rig; a further attempt after a refusal by the rig has a number."""
     return f"{id}.r{repeat:07d}" + (f"-{attempt}" if attempt > 1 else "")
 
 
 class EnduranceLog:
     """Commits the steps of one endurance test; used by one thread.
 
-    `volume`: Number of the recording that is written. `next_step`: Of the first step to store in it. `stop`: Ends the
-    waiting for a recorder that is away or whose disk is full.
+    `volume`: Number of the recording that is written. `next_step`: Number of the first step to store in it. `stop`:
+    Event that ends the waiting for a missing recorder or a full disk.
     """
 
     def __init__(
@@ -67,7 +67,7 @@ class EnduranceLog:
 
     @property
     def next_step(self) -> int:
-        """Number of the next step in it."""
+        """Number of the next step in the recording."""
         return self._log.next_step
 
     def commit(self, message: Message) -> None:
@@ -91,7 +91,7 @@ class EnduranceLog:
 
 
 def last_volume(bus: Bus, id: str) -> int:
-    """Return the number of the last recording of an endurance test; 0 where there is none."""
+    """Return the number of the last recording of an endurance test; 0 if there is none."""
     low, step = 0, 1
     while _is_recorded(bus, volume_name(id, low + step)):
         low, step = low + step, 2 * step
@@ -104,7 +104,7 @@ def last_volume(bus: Bus, id: str) -> int:
 
 def _is_recorded(bus: Bus, recording: str) -> bool:
     try:
-        # Not its description, which has a hash of every file.
+        # Not the description of the recording, which needs a hash of every file.
         bus.query(bus.keys.recording_steps(recording), recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
     except FaultError as fault:
         if fault.code == query_pb2.FAULT_CODE_NOT_FOUND:
