@@ -413,7 +413,7 @@ class StopCriteria(Section):
         default=0.0, ge=0, lt=1, description="End when the last playbacks did not lower the best error by this share."
     )
     improvement_playbacks: Annotated[int, Field(ge=1, le=1000), Wire(zero=2)] = Field(
-        default=2, description="Number of playbacks for stop.least_progress."
+        default=2, description="Number of playbacks for stop.smallest_improvement."
     )
 
     @model_validator(mode="after")

@@ -472,8 +472,9 @@ class EnduranceTest:
 
             self._board.change(change)
 
-        attempt = 1 + sum(1 for _ in self._campaigns if _.startswith(f"{self.id}-{name}-{number}"))
-        campaign = f"{self.id}-{name}-{number}" + (f"-{attempt}" if attempt > 1 else "")
+        stem = f"{self.id}-{name}-{number}"
+        attempt = 1 + sum(1 for known in self._campaigns if known == stem or known.startswith(f"{stem}-"))
+        campaign = stem + (f"-{attempt}" if attempt > 1 else "")
         self._campaigns.append(campaign)
         last = self._last
         drive = corrected_drive(
