@@ -41,7 +41,7 @@ DRAKE_SECONDS = 0.3
 
 @dataclass(frozen=True)
 class Figures:
-    """What was measured of one rig; None where it does not apply.
+    """Results of one rig; None if a value does not apply.
 
     Real-time factors are simulated seconds per wall second, `rtf_two` the sum of two rigs on two threads; `error` is
     the worst response's, relative; start-up in s, without and with a cache of bytecode; memory of a process that plays
@@ -91,7 +91,7 @@ def measure(path: Path) -> Figures:
 
 
 def _others(scratch: Path) -> dict[str, Callable[[], object]]:
-    """Return what is measured beside the rigs, by its name in the file."""
+    """Return the other measurements, by their names in the file."""
     return {
         "lanes": measure_lanes,
         "identification": lambda: measure_identification(scratch / "peers"),
@@ -107,7 +107,7 @@ def _others(scratch: Path) -> dict[str, Callable[[], object]]:
         "bus": lambda: _in_a_process_of_its_own("bus.py"),
         "campaign": measure_campaign,
         "sweep": measure_sweep,
-        # Of a thousand; all of them are measured by benchmarks/sweep.py alone.
+        # 40 of a thousand campaigns; only benchmarks/sweep.py measures all of them.
         "tolerances": lambda: measure_sweep(sweep=TOLERANCES, campaigns=40, turns=1),
     }
 
@@ -136,12 +136,12 @@ def _measure_chosen(
             began = time.monotonic()
             document[name] = work()
             sys.stderr.write(f"{name}: measured in {time.monotonic() - began:.0f} s\n")
-        # What was measured before is not lost with what follows.
+        # Write after each part, so that earlier results are kept if a later part fails.
         given.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
 
 
 def main() -> None:
-    """Measure what is chosen, all by default, and write file, page and table."""
+    """Measure the chosen parts, all by default, and write file, page and table."""
     shipped = shipped_specimens()
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rig", action="append", choices=sorted(shipped), help="only this one; may be repeated")

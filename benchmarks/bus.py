@@ -32,18 +32,18 @@ import duralab_bus
 from duralab_proto.v1 import recorder_pb2
 
 RATE = 5010.0
-"""Blocks of 12.8 KB a second that have to be kept up, and a little more: a pace is never quite reached."""
+"""Required rate in blocks of 12.8 KB per second, with a small margin, because a set rate is never quite reached."""
 FAULT_RATE = 2000.0
-"""The same beside faults: 16 channels at 2 kHz in float64, 100 times as fast as real time."""
+"""Rate for streams with faults: 16 channels at 2 kHz in float64, 100 times as fast as real time."""
 PIPE_BLOCKS = 120_000
 BURST_RATE = 15_050.0
 FREEZE_SECONDS = 8.0
 # A fault comes after 2 s, and 5 s are the goal for having caught up.
 AFTER_FAULT_SECONDS = 10.0
 PIPES = 9
-"""Of each kind, in turns: on one machine the share lost by single pairs scattered from 10 to 38 %."""
+"""Number of pipes of each kind, in turns: on one machine the loss of single pairs scattered from 10 to 38 %."""
 BURSTS = 5
-"""Of each kind, one after the other: bursts of a second scatter by more than a tenth."""
+"""Number of bursts of each kind, in sequence: bursts of a second scatter by more than a tenth."""
 
 
 def measure_bus(*, seconds: float = 60.0) -> dict[str, Any]:
@@ -52,7 +52,7 @@ def measure_bus(*, seconds: float = 60.0) -> dict[str, Any]:
     Parameters
     ----------
     seconds : float
-        How long the sustained stream takes.
+        Duration of the sustained stream in s.
 
     Returns
     -------
@@ -86,7 +86,7 @@ def measure_bus(*, seconds: float = 60.0) -> dict[str, Any]:
 
 
 class PipeKind(Enum):
-    """What is between a publisher and an MCAP file."""
+    """Kind of pipe between a publisher and an MCAP file."""
 
     BARE = auto()
     SPOOL_ON_DISK = auto()
@@ -94,7 +94,7 @@ class PipeKind(Enum):
 
 
 def _pipe(hub: duralab_bus.Bus, folder: Path, kind: PipeKind) -> float:
-    """Return the rate of a pipe from publisher to MCAP file, run as fast as it goes."""
+    """Return the maximum rate of a pipe from publisher to MCAP file."""
     bare = kind is PipeKind.BARE
     prefix = "bare_" if bare else ""
     run = f"pipe-{time.time_ns()}"
@@ -113,13 +113,13 @@ def _pipe(hub: duralab_bus.Bus, folder: Path, kind: PipeKind) -> float:
 
 
 def _middle(bursts: list[dict[str, Any]]) -> dict[str, Any]:
-    """Return the burst of the middle rate, with the rates of all."""
+    """Return the burst with the median rate, and the rates of all bursts."""
     bursts.sort(key=lambda burst: burst["rate"])
     return {**bursts[len(bursts) // 2], "rates": [burst["rate"] for burst in bursts]}
 
 
 def _bare_stream(hub: duralab_bus.Bus, folder: Path, *, rate: float, seconds: float) -> dict[str, float]:
-    """Publish at a rate with Zenoh alone, to a receiver that writes what comes: what the machine itself allows."""
+    """Publish at a rate with Zenoh alone, to a receiver that writes all blocks: the machine's limit."""
     common = {"endpoint": hub.listening[0], "run": f"bare-{time.time_ns()}"}
     with peers() as start:
         receiver = start("bare_receive", file=str(folder / "bare.mcap"), **common)
@@ -140,7 +140,7 @@ Fault = Callable[[Callable[[], Peer], Peer], tuple[Peer, float]]
 
 
 def _freeze(restart: Callable[[], Peer], receiver: Peer) -> tuple[Peer, float]:
-    """Freeze the receiver for a while; return it and when it was back."""
+    """Freeze the receiver for some time; return it and the time of its return."""
     del restart
     receiver.process.send_signal(signal.SIGSTOP)
     time.sleep(FREEZE_SECONDS)
@@ -157,7 +157,7 @@ def _kill(restart: Callable[[], Peer], receiver: Peer) -> tuple[Peer, float]:
 def _stream(
     hub: duralab_bus.Bus, folder: Path, *, rate: float, seconds: float, fault: Fault | None = None
 ) -> dict[str, Any]:
-    """Stream at a rate and count what arrives; with a fault 2 s after the beginning."""
+    """Stream at a rate and count the received blocks; with a fault 2 s after the begin."""
     common = {"endpoint": hub.listening[0], "run": f"stream-{time.time_ns()}"}
     files: list[Path] = []
     with peers() as start:

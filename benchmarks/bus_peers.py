@@ -1,4 +1,4 @@
-"""Starting and ending the processes of `bus_process.py`."""
+"""Start and end of the processes of `bus_process.py`."""
 
 import json
 import subprocess
@@ -25,7 +25,7 @@ class Peer:
         )
 
     def read(self) -> Any:
-        """Return what it says next."""
+        """Return the process's next output."""
         assert self.process.stdout is not None
         line = self.process.stdout.readline().strip()
         if not line:
@@ -33,13 +33,13 @@ class Peer:
         return line if line == "ready" else json.loads(line)
 
     def tell(self, line: str) -> None:
-        """Tell it something."""
+        """Send a line to the process."""
         assert self.process.stdin is not None
         self.process.stdin.write(line + "\n")
         self.process.stdin.flush()
 
     def end(self) -> None:
-        """Leave nothing behind."""
+        """Kill the process."""
         self.process.kill()
         self.process.wait()
 

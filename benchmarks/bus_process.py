@@ -1,4 +1,4 @@
-"""The processes that `bus.py` measures: publishers and receivers, with duralab_bus and with Zenoh alone.
+"""Processes measured by `bus.py`: publishers and receivers, with duralab_bus and with Zenoh alone.
 
 Each takes its settings as one JSON text, says `ready` when it may begin, and writes its figures as JSON at its end.
 """
@@ -27,7 +27,7 @@ CHANNELS, SAMPLES = 8, 100
 SYNC_SECONDS = 0.25
 SYNC_BLOCKS = 3000
 MOST_AHEAD = 8000
-"""Blocks by which a publisher without a rate of its own may be ahead of what its receiver stored."""
+"""Maximum number of blocks that a publisher without a set rate may be ahead of its receiver."""
 
 KEY = "duralab/v1/local/rig/bench/signal/{run}"
 POSITION = struct.Struct("<QQ")
@@ -43,7 +43,7 @@ def main() -> None:
 
 
 def say(line: str) -> None:
-    """Tell the benchmark."""
+    """Send a line to the benchmark."""
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
 
@@ -56,7 +56,7 @@ def block(run: str, number: int, drive: Any, response: Any) -> rig_pb2.SignalBlo
 
 
 def publish(*, endpoint: str, run: str, rate: float, seconds: float, spool: str, most: int = 0) -> dict[str, Any]:
-    """Publish at a rate, or as fast as it goes where that is 0, for so many seconds or blocks; wait for room."""
+    """Publish at a rate, or at full speed if it is 0, for a number of seconds or blocks; wait for space."""
     drive, response = np.random.default_rng(1).standard_normal((2, CHANNELS, SAMPLES))
     with duralab_bus.open_bus(duralab_bus.BusConfig(connect=(endpoint,)), service="rig_sim") as bus:
         bus.wait_for_live({("recorder", "main")}, 60.0)
@@ -98,7 +98,7 @@ def publish(*, endpoint: str, run: str, rate: float, seconds: float, spool: str,
 
 
 def receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:
-    """Write a stream to an MCAP file as a recorder does; end when told, with what came."""
+    """Write a stream to an MCAP file like a recorder; end on request and return the received numbers."""
     with duralab_bus.open_bus(duralab_bus.BusConfig(connect=(endpoint,)), service="recorder") as bus:
         writing = McapWriting(Path(file))
         subscription = bus.subscribe(
@@ -111,7 +111,7 @@ def receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:
         bus.declare_live("recorder", "main")
         say("ready")
         epoch = int(sys.stdin.readline())
-        # What each line asks: when was so much of it written, or when was it known to be complete.
+        # Each line requests the time at which a part was written, or at which it was known to be complete.
         for line in map(str.strip, sys.stdin):
             if line == "end":
                 break
@@ -146,7 +146,7 @@ class McapWriting:
         self._queue.put((payload, seq, position))
 
     def wait_for(self, blocks: int) -> None:
-        """Wait until so many are written."""
+        """Wait until this number of blocks is written."""
         while len(self._seqs) < blocks:
             time.sleep(0.002)
 
@@ -225,7 +225,7 @@ def bare_publish(*, endpoint: str, run: str, rate: float = 0.0, most: int) -> di
 
 
 def bare_receive(*, endpoint: str, run: str, file: str) -> dict[str, Any]:
-    """Write what comes to an MCAP file, with Zenoh and mcap alone."""
+    """Write received blocks to an MCAP file, with Zenoh and mcap alone."""
     with bare_session(endpoint) as session:
         writing = McapWriting(Path(file))
         samples: queue.SimpleQueue[zenoh.Sample] = queue.SimpleQueue()

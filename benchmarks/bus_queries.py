@@ -1,4 +1,4 @@
-"""Questions and answers over the bus, and how soon it is noticed that nobody will answer."""
+"""Times of queries over the bus, and of the detection of a dead or frozen service."""
 
 import signal
 import threading
@@ -15,7 +15,7 @@ QUERIES, BULK_QUERIES, REPETITIONS = 500, 30, 3
 
 
 def measure_queries(hub: duralab_bus.Bus) -> dict[str, float]:
-    """Return the time from question to answer in s: of a small one, and of one of 2 MB."""
+    """Return the time from query to answer in s, for a small answer and for one of 2 MB."""
     with peers() as start:
         start("serve", endpoint=hub.listening[0]).read()
         hub.wait_for_live({("rig_sim", "bench")}, 60.0)
@@ -38,7 +38,7 @@ def measure_queries(hub: duralab_bus.Bus) -> dict[str, float]:
 
 
 def measure_notice(hub: duralab_bus.Bus) -> dict[str, float]:
-    """Return how long it takes until a query waiting on a service that is dead or frozen ends, the worst of a few."""
+    """Return the longest of a few times until a query to a dead or frozen service ends."""
     figures: dict[str, float] = {}
     for name, number in (("dead", signal.SIGKILL), ("frozen", signal.SIGSTOP)):
         figures[name] = max(_noticed_once(hub, number) for _ in range(REPETITIONS))

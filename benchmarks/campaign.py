@@ -1,4 +1,4 @@
-"""Where the wall time of a whole campaign goes: simulation, mathematics, bus and disk; out of its own trace.
+"""Shares of a campaign's wall time, from its trace: simulation, mathematics, bus and disk.
 
 The shipped campaign runs three times on a lab of five processes that write traces. Of the fastest run every moment
 counts once: for the simulation where the rig plays, else for the mathematics where any process computes, else for the
@@ -25,12 +25,12 @@ from duralab_bus import SpanKind
 
 CAMPAIGN = "front_axle_demo"
 TURNS = 3
-"""The fastest of them counts: what else the machine does can only make a campaign slower."""
+"""Number of runs; the fastest counts, because other load can only make a campaign slower."""
 
 
 @dataclass(frozen=True)
 class Shares:
-    """Wall time of a campaign in s, and what it was spent on.
+    """Wall time of a campaign in s, and its shares.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def measure_campaign() -> dict[str, object]:
 
 
 def _ran(lab: duralab.Lab, campaign: Campaign, out: Path) -> tuple[float, float, Path]:
-    """Return when a campaign was asked for and when its recording was there, in s since 1970, and where that is."""
+    """Return the times of a campaign's request and of its complete recording, in s since 1970, and the path."""
     began = time.time()
     lab.run(campaign, out=out)
     return began, time.time(), out

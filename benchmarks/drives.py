@@ -1,4 +1,4 @@
-"""Drives like those of a campaign: coloured noise on every channel, at a share of what the channel may do."""
+"""Drives like those of a campaign: coloured noise on every channel, at a share of the channel's limits."""
 
 import numpy as np
 

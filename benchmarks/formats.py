@@ -1,4 +1,4 @@
-"""Measure how long a 60 min × 32 channel RPC III file takes to read, beside what numpy needs for its bytes.
+"""Measure the read time of a 60 min × 32 channel RPC III file, and numpy's time for its bytes.
 
 numpy's share is the same float64 numbers in the order of the file: `np.fromfile` of all bytes, then `astype`.
 
@@ -26,7 +26,7 @@ BLOCK_SAMPLES = 1 << 16
 
 
 def write(path: Path, *, data_type: DataType, minutes: float, channels: int, rate: float) -> float:
-    """Write noise of that length; return how long the writer took in seconds."""
+    """Write noise of that length; return the writer's time in seconds."""
     samples = round(minutes * 60 * rate)
     noise = np.random.default_rng(0).normal(size=(channels, BLOCK_SAMPLES))
     repeated = np.take(noise, np.arange(samples) % BLOCK_SAMPLES, axis=1)

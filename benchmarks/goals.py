@@ -1,4 +1,4 @@
-"""What is to be reached, beside what was measured: the table of `docs/benchmarks.md`."""
+"""Goals and results of the benchmarks: the table of `docs/benchmarks.md`."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Goal:
     scale: float = 1.0
 
     def measured(self, document: dict[str, Any]) -> float | None:
-        """Return the figure in the unit of the words; None where it was not measured."""
+        """Return the result in the unit of the text; None if it was not measured."""
         found: Any = document
         for name in self.figure:
             if not isinstance(found, dict) or name not in found:
@@ -202,4 +202,4 @@ NOTES: dict[str, str] = {
     "Streams of 12.8 KB on loopback": _STREAMS_NOTE,
     "Whole campaign": _CAMPAIGN_NOTE,
 }
-"""What a reader of a table should know, by its title; what stands in braces is looked up in the document."""
+"""Notes for the tables, by title; names in braces are looked up in the document."""

@@ -86,7 +86,7 @@ def _running(channels: int) -> CrossSpectra:
 
 
 def _windowed_transforms(drive: np.ndarray, response: np.ndarray) -> None:
-    """Window and transform the same blocks as fast as numpy does it: a few at a time into memory that is there."""
+    """Window and transform the same blocks at numpy's best speed: a few at a time into allocated memory."""
     window, hop, together = hann_periodic(BLOCK), round(BLOCK * (1.0 - OVERLAP)), 16
     windowed = np.empty((together, BLOCK))
     lines = np.empty((together, BLOCK // 2 + 1), dtype=complex)
@@ -122,7 +122,7 @@ def _local_seconds() -> float:
 
 
 def _of_channels(channels: int) -> float:
-    """Return the time of averaging 60 s of so many drives and as many responses."""
+    """Return the time of averaging 60 s of this number of drives and of responses."""
     drive, response = noise_record(seconds=60.0, channels=channels)
     return _best(lambda: _spectra(drive, response))
 
@@ -198,7 +198,7 @@ def _difference(method: str, peer: np.ndarray) -> float:
 
 
 def _memory_growth(work: Callable[[], object]) -> float:
-    """Return by how many MiB the process grows at most."""
+    """Return the largest growth of the process in MiB."""
     Path("/proc/self/clear_refs").write_text("5")  # the highest so far is forgotten
     before = resident_bytes("VmRSS")
     work()

@@ -1,4 +1,4 @@
-"""How much faster variants of one rig play together, in the lanes of vectors, than one after the other."""
+"""Speed-up of variants of one rig that play together, in the lanes of vectors, over sequential playing."""
 
 from __future__ import annotations
 

@@ -33,7 +33,7 @@ class ProcessorTime:
 
     def __init__(self) -> None:
         self.stolen_share = 0.0
-        """Of the time in which they had something to do; 0 where the system does not tell."""
+        """Of the time in which they had something to do; 0 if the system does not report it."""
 
     def __enter__(self) -> ProcessorTime:
         """Begin."""

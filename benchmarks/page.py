@@ -55,7 +55,7 @@ def missed(document: dict[str, Any]) -> list[str]:
 
 
 def number(value: float | None) -> str:
-    """Return a figure with three digits, a dash where there is none."""
+    """Return a number with three digits, or a dash if there is no number."""
     if value is None:
         return "–"
     return f"{value:,.0f}" if abs(value) >= 1000.0 else f"{value:.3g}"

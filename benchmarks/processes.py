@@ -1,4 +1,4 @@
-"""What a rig costs a separate process: time until it is ready, memory while it plays. `bench.py` runs it."""
+"""Cost of a rig in a separate process: time until it is ready, memory while it plays. `bench.py` runs it."""
 
 import json
 import os
@@ -27,7 +27,7 @@ def startup_seconds(path: Path) -> tuple[float, float]:
 
 @dataclass(frozen=True)
 class Memory:
-    """Of a process that loads a rig and plays 120 s, in MiB: its peak, and its growth beyond the record itself."""
+    """Memory in MiB of a process that loads a rig and plays 120 s: its peak, and its growth beyond the record."""
 
     peak: float
     growth: float

@@ -1,4 +1,4 @@
-"""Measure how long the report of a 10-iteration campaign takes to write, and how large it is.
+"""Measure the write time and the size of the report of a 10-iteration campaign.
 
 The shipped demo is run with ten playbacks, or a recording is taken as it is. Each time is that of a whole process, with
 its imports, as `duralab report` takes it; the first is left out where files are read for the first time.
@@ -41,7 +41,7 @@ def write(recording: Path, report: Path) -> tuple[float, float]:
 
 
 def measure_report(recording: Path | None = None, *, iterations: int = ITERATIONS) -> dict[str, float]:
-    """Write the report of a recording, of the demo where none is given.
+    """Write the report of a recording, by default of the demo.
 
     Returns
     -------

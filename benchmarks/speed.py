@@ -1,4 +1,4 @@
-"""How fast and how exactly a loaded rig plays."""
+"""Speed and accuracy of a loaded rig."""
 
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -8,7 +8,7 @@ import numpy as np
 
 from rig_sim import Engine, EngineChoice, PlayableRig, Rig, load_rig
 
-#: The best of them counts: what else the machine does can only make a playback slower.
+#: Number of playbacks; the fastest counts, because other load can only make a playback slower.
 REPETITIONS = 5
 REFERENCE_FACTOR = 8
 

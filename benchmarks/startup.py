@@ -1,4 +1,4 @@
-"""Measure what a person waits for at the start: imports, help, a lab, and a campaign from the shell.
+"""Measure the waiting times at the start: imports, help, a lab, and a campaign from the shell.
 
 `python benchmarks/startup.py [--rounds N]`
 """
@@ -62,7 +62,7 @@ def measure_startup(*, rounds: int = ROUNDS) -> dict[str, dict[str, object]]:
     """Return the figures of every command; the fastest of all rounds counts: others can only make it slower."""
     figures = {}
     for name, arguments in COMMANDS.items():
-        # Once before, so that bytecode is there.
+        # One run before, so that bytecode exists.
         seconds(arguments)
         taken = [seconds(arguments) for _ in range(rounds)]
         figures[name] = {
@@ -74,7 +74,7 @@ def measure_startup(*, rounds: int = ROUNDS) -> dict[str, dict[str, object]]:
 
 
 def measure_lab() -> dict[str, float]:
-    """Return what passes until a rig of `duralab up` answers, and how long a campaign from the shell takes.
+    """Return the time until a rig of `duralab up` answers, and the time of a campaign from the shell.
 
     Cold is without compiled code on disk, warm the best of some rounds with it. A campaign is reported over simulation
     and mathematics alone, both from its own trace.
@@ -122,7 +122,7 @@ def _is_open() -> bool:
 
 
 def _campaign(folder: Path, environment: dict[str, str]) -> tuple[float, float]:
-    """Return how long a campaign from the shell takes, and of that simulation and mathematics, in s."""
+    """Return the time of a campaign from the shell, and its shares of simulation and mathematics, in s."""
     command = [sys.executable, "-m", "duralab", "run", CAMPAIGN, "--out", str(folder), "--profile"]
     start = time.perf_counter()
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)

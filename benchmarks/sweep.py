@@ -1,4 +1,4 @@
-"""What a sweep gains by a second core, and what a task costs: `python benchmarks/sweep.py`.
+"""Gain of a sweep by a second core, and cost of a task: `python benchmarks/sweep.py`.
 
 `--sweep thousand_tolerances` measures a study in which every campaign has another specimen. One core is a sweep with
 one worker whose processes all keep to one core; two cores are two of each. Beside wall time, which any neighbour
@@ -78,7 +78,7 @@ class Run:
 
 
 def run(folder: Path, *, sweep: str, cores: int, campaigns: int, cell: str) -> Run:
-    """Run campaigns of a shipped sweep on so many cores; those of `SEEDS` differ by their seed alone."""
+    """Run campaigns of a shipped sweep on this number of cores; those of `SEEDS` differ only in their seed."""
     document = yaml.safe_load(load_sweep(sweep).text) | {"cell": cell}
     if sweep == SEEDS:
         document["axes"] = {"seed": {"from": 1, "count": campaigns}}
@@ -128,7 +128,7 @@ def run(folder: Path, *, sweep: str, cores: int, campaigns: int, cell: str) -> R
 
 
 def _largest_worker(command: int) -> float:
-    """Return the resident MiB of the largest process that a sweep started; 0 where there is none."""
+    """Return the resident MiB of the largest process that a sweep started; 0 if there is none."""
     sizes = [0.0]
     with contextlib.suppress(psutil.NoSuchProcess):
         for process in psutil.Process(command).children(recursive=True):
@@ -138,7 +138,7 @@ def _largest_worker(command: int) -> float:
 
 
 def _keep_stacks(logs: Path) -> None:
-    """Ask the workers of a sweep that seems to stand still where their threads are, and keep their logs."""
+    """Log the call stacks of the workers of a sweep that seems to hang, and keep their logs."""
     for log in logs.glob("worker-*.log"):
         # One that died was replaced; its log is kept all the same.
         with contextlib.suppress(ProcessLookupError):
@@ -149,7 +149,7 @@ def _keep_stacks(logs: Path) -> None:
 
 
 def empty_task_seconds() -> float:
-    """Return what Dask needs for a task that does nothing: submitted, sent, run, answered."""
+    """Return Dask's time for an empty task: submit, send, run, answer."""
     with tempfile.TemporaryDirectory() as folder, open_workers(Path(folder), workers=2, scheduler=None) as client:
         client.gather(client.map(abs, range(EMPTY_TASKS), pure=False))
         begun = time.perf_counter()
@@ -172,9 +172,9 @@ def measure_sweep(
     sweep : str
         Name of a shipped one.
     campaigns : int
-        Of each sweep.
+        Number of campaigns in each sweep.
     on_one : int, optional
-        Of those on one core, where not as many.
+        Number of campaigns on one core; the same number if not given.
     turns : int
         Of both.
     cell : str

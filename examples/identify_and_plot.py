@@ -29,7 +29,7 @@ with duralab.connect(*sys.argv[1:2]) as lab:
     print(model)
     (out / "frf.html").write_text(duralab.to_html(model), encoding="utf-8")
 
-# The same as labelled arrays: the largest vertical force per metre of the drive beside it.
+# The model as labelled arrays: the largest vertical force per metre of the drive on the same side.
 frf = model.to_xarray().frf.sel(response="left_vertical", drive="left_vertical", frequency=slice(0.5, 40.0))
 peak = abs(frf).idxmax("frequency")
 print(f"largest at {float(peak):.1f} Hz: {float(abs(frf).max()):.3g} N/m")

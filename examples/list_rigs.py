@@ -1,4 +1,4 @@
-"""List the rigs of a lab, what they can play, and what they do now.
+"""List the rigs of a lab, with their limits and their present state.
 
 python examples/list_rigs.py [ENDPOINT]
 """

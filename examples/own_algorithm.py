@@ -1,6 +1,6 @@
-"""Iterate with an algorithm of one's own: two lines of numpy on the iterator's pure core, against a rig of the lab.
+"""Iterate with a custom algorithm: two lines of numpy on the iterator's pure core, with a rig of the lab.
 
-The core knows no bus: `rig_model` inverts, `ControlBand` filters, `judge_response` judges; here the update is a plain
+The core uses no bus: `rig_model` inverts, `ControlBand` filters, `judge_response` judges. Here the update is a plain
 Time Waveform Replication with a gain that grows. python examples/own_algorithm.py [ENDPOINT]
 """
 
@@ -20,7 +20,7 @@ with duralab.connect(*sys.argv[1:2]) as lab:
     inverse = rig_model(model.frequency, model.frf, identified_band=(0.25, 46.0))
     band = control_band(0.5, 40.0, sample_rate=rig.sample_rate)
 
-    # A target that is known to be within reach: what the rig answered to some drive.
+    # A target that is reachable: the rig's response to a known drive.
     noise = np.random.default_rng(1).standard_normal((len(rig.drives), 8000))
     hidden = 0.004 * band.limit_response(noise * np.sin(np.pi * np.arange(8000) / 8000) ** 2)
     target = band.limit_target(lab.play(rig.name, hidden).response.samples)

@@ -18,7 +18,7 @@ out.mkdir(exist_ok=True)
 with duralab.connect(*sys.argv[1:2]) as lab:
     rig = lab.describe("front_axle_compliant")
 
-    # A file as another lab would send it: in millimetres, its channels in another order.
+    # A file from another lab: in millimetres, with the channels in another order.
     time = np.arange(4096) / rig.sample_rate
     heave = 5.0 * np.sin(2 * np.pi * 2.0 * time) * np.sin(np.pi * time / time[-1]) ** 2
     channels = tuple(replace(channel, unit="mm", minimum=-np.inf, maximum=np.inf) for channel in reversed(rig.drives))

@@ -1,4 +1,4 @@
-"""Read the recording of a campaign with xarray: figures, a window of the signals, the spectrum of the error.
+"""Read the recording of a campaign with xarray: numbers, a window of the signals, the spectrum of the error.
 
 python examples/read_a_recording.py [ENDPOINT | RECORDING.mcap]
 """
@@ -21,7 +21,7 @@ print(recording)
 figures = recording.iterations.to_xarray()
 print(figures.relative_rms_error.sel(channel="left_vertical").values.round(3))
 
-responses = recording.responses()  # lazy: nothing is read before it is used
+responses = recording.responses()  # lazy: samples are read at their first use
 window = responses.sel(time=slice(3.0, 5.0)).load()
 print(window.left_vertical.max("time").values.round())
 

@@ -1,6 +1,6 @@
 """Reproduce braking and cornering at 0.5 g over a rough road down to 0 Hz: means, slow forces and vibration together.
 
-The predecessor drives over the road of `manoeuvre.yaml`; the manoeuvre's wheel forces are added to what it measured.
+The predecessor drives over the road of `manoeuvre.yaml`; the manoeuvre's wheel forces are added to its responses.
 python examples/reproduce_a_manoeuvre.py [ENDPOINT]
 """
 
@@ -18,7 +18,7 @@ campaign = duralab.load_campaign(Path(__file__).with_name("manoeuvre.yaml"))
 
 
 def slow(record: np.ndarray) -> np.ndarray:
-    """Return what of a record that begins and ends at rest lies below 0.8 Hz."""
+    """Return the part below 0.8 Hz of a record that begins and ends at rest."""
     kept = np.fft.rfftfreq(record.shape[1], 1.0 / rig.sample_rate) < 0.8
     return np.fft.irfft(np.fft.rfft(record) * kept, record.shape[1])
 

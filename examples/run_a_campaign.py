@@ -1,4 +1,4 @@
-"""Run a campaign from Python: change what a campaign file says, follow it, judge it, keep report and drive file.
+"""Run a campaign from Python: change settings of its file, follow and judge it, save report and drive file.
 
 python examples/run_a_campaign.py [ENDPOINT]
 """

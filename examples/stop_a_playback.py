@@ -1,4 +1,4 @@
-"""Stop a playback: by a time limit, by another thread, or from anywhere; then look at the rig and reset it.
+"""Stop a playback: by a time limit, by another thread, or by any client; then inspect the rig and reset it.
 
 python examples/stop_a_playback.py [ENDPOINT]
 """
@@ -16,7 +16,7 @@ with duralab.connect(*sys.argv[1:2]) as lab:
     drive = 0.005 * np.sin(2 * np.pi * time) * np.minimum(1.0, np.minimum(time, time[-1] - time))
     drives = np.tile(drive, (len(rig.drives), 1))
 
-    # A minute in real time, of which half a second is allowed.
+    # A drive of one minute in real time, with a limit of half a second.
     try:
         lab.play(rig.name, drives, real_time=True, timeout_seconds=0.5)
     except duralab.LabTimeoutError as error:
@@ -24,7 +24,7 @@ with duralab.connect(*sys.argv[1:2]) as lab:
     print(lab.state(rig.name))
     lab.reset(rig.name)
 
-    # The same, stopped by somebody at the rig.
+    # The same drive, stopped by an operator at the rig.
     threading.Timer(0.5, lab.stop_rig, args=(rig.name,), kwargs={"reason": "the strut looks hot"}).start()
     try:
         lab.play(rig.name, drives, real_time=True)

@@ -1,4 +1,4 @@
-"""Two rigs at once with `async`, and what a cancelled task does: its rig ramps down and is latched.
+"""Play two rigs at once with `async`, and cancel a task: its rig ramps down and is latched.
 
 python examples/two_rigs_at_once.py [ENDPOINT]
 """

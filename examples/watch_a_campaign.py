@@ -1,4 +1,4 @@
-"""Watch a lab live while a campaign runs: rig states, signals as they are played, error after every playback.
+"""Watch a lab live while a campaign runs: rig states, played signals, error after every playback.
 
 python examples/watch_a_campaign.py [ENDPOINT]
 """
@@ -12,7 +12,7 @@ import duralab
 campaign = Path(__file__).with_name("short_campaign.yaml")
 
 with duralab.connect(*sys.argv[1:2]) as lab, lab.watch(timeout_seconds=60.0) as events:
-    # Somebody else would start it; here a thread does.
+    # Usually another client starts the campaign; here a thread does.
     threading.Thread(target=lab.run, args=(campaign,), kwargs={"out": "out/watched"}, daemon=True).start()
     largest = 0.0
     for event in events:

@@ -1,8 +1,8 @@
-"""Compare the contract with the one that landed last, and fail on what would break those who speak it.
+"""Compare the contract with the last landed one, and fail on changes that break its clients.
 
-Adding is free. What was there stays: messages, fields with their number, name and type, enum values. A field or enum
-value may only go when its number and its name are both reserved, so that neither ever comes back with another meaning.
-A field may get another name when the old one is reserved: on the wire only its number and type count.
+Additions are allowed. Existing messages, fields with their number, name and type, and enum values must stay. A field
+or enum value may be removed only if its number and its name are both reserved, so that neither is reused with another
+meaning. A field may be renamed if the old name is reserved: on the wire only its number and type count.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def compile_contract(root: Path) -> FileDescriptorSet:
 
 
 def landed_contract(root: Path, revision: str, target: Path) -> bool:
-    """Write the .proto files of a git revision into `target`; return False where there is nothing to compare with."""
+    """Write the .proto files of a git revision into `target`; return False if the revision has none."""
     try:
         listing = _git(root, "ls-tree", "-r", "-z", "--name-only", revision, "--", "duralab")
     except (OSError, subprocess.CalledProcessError):
@@ -62,7 +62,7 @@ def _git(root: Path, *arguments: str) -> bytes:
 
 
 def compare(old: FileDescriptorSet, new: FileDescriptorSet) -> list[str]:
-    """Return one sentence for everything in `old` that `new` breaks; empty where nothing is broken."""
+    """Return one sentence for each breaking change from `old` to `new`."""
     old_messages, old_enums = _index(old)
     new_messages, new_enums = _index(new)
     findings = []
@@ -126,7 +126,7 @@ def _compare_message(name: str, old: DescriptorProto, new: DescriptorProto) -> l
 
 
 def _kind(field: FieldDescriptorProto, oneofs: Sequence[OneofDescriptorProto]) -> str:
-    """Return everything about a field that decides how it is read, in words."""
+    """Return the properties of a field that affect its decoding, as text."""
     label = FieldDescriptorProto.Label.Name(field.label).removeprefix("LABEL_").lower()
     kind = field.type_name.removeprefix(".") or FieldDescriptorProto.Type.Name(field.type).removeprefix("TYPE_").lower()
     presence = ""
@@ -167,7 +167,7 @@ def _compare_reserved(name: str, old: list[range], new: list[range], lost_names:
 
 
 def _covered(wanted: range, ranges: list[range]) -> bool:
-    """Return whether the ranges together hold all of `wanted`; ranges may reach to 2^29, so none is listed."""
+    """Return whether the ranges together contain `wanted`; ranges may reach to 2^29, so they are not expanded."""
     reached = wanted.start
     for entry in sorted(ranges, key=lambda entry: entry.start):
         if entry.start <= reached < entry.stop:
@@ -176,7 +176,7 @@ def _covered(wanted: range, ranges: list[range]) -> bool:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Compare and say what is broken; return 1 if anything is."""
+    """Compare and print breaking changes; return 1 if there are any."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--base", default="HEAD", metavar="REV", help="git revision to compare with (default: HEAD)")
     parser.add_argument("--root", default=ROOT, type=Path, metavar="FOLDER", help="folder that holds duralab/")

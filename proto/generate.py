@@ -1,4 +1,4 @@
-"""Generate the Python package `duralab_proto.v1` from the contract, or check that it is fresh."""
+"""Generate the Python package `duralab_proto.v1` from the contract, or check that it is current."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def generate(target: Path) -> list[Path]:
             raise SystemExit(f"protoc ended with status {status}; the lines above say why.")
         written = []
         for path in sorted(Path(folder, "duralab", "v1").iterdir()):
-            # The generated imports follow the folder of the .proto files; the package lives elsewhere,
+            # The generated imports follow the folder of the .proto files; the package is in another folder,
             # because `duralab` is the SDK's name.
             text = re.sub(r"^from duralab\.v1 import", "from duralab_proto.v1 import", path.read_text(), flags=re.M)
             out = target / path.name
@@ -33,7 +33,7 @@ def generate(target: Path) -> list[Path]:
 
 
 def check() -> int:
-    """Return 0 if the committed package is what the contract generates, else name what differs and return 1."""
+    """Return 0 if the committed package equals the generated one, else print the differing files and return 1."""
     with tempfile.TemporaryDirectory() as folder:
         fresh = {path.name: path.read_bytes() for path in generate(Path(folder))}
     committed = {path.name: path.read_bytes() for path in PACKAGE.glob("*_pb2.py*")}

@@ -1,4 +1,4 @@
-"""Audit the dependencies: known vulnerabilities where a database can be reached, and the lock in any case."""
+"""Audit the dependencies: the lock, and known vulnerabilities if a database can be reached."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def locked(text: str) -> dict[str, tuple[str, int]]:
         if pinned is None:
             raise SystemExit(f"requirements.lock: {entry.splitlines()[0]!r} is not pinned to one version.")
         version, hashes = found.get(_plain(pinned[1]), (pinned[2], 0))
-        # A package with markers may stand there in several versions; each has its own hashes.
+        # A package with markers may have several versions in the lock, each with separate hashes.
         if not (count := len(_HASH.findall(entry))):
             raise SystemExit(f"requirements.lock: {pinned[0]} has no sha256; run `make lock`.")
         found[_plain(pinned[1])] = (f"{version} {pinned[2]}", hashes + count)
@@ -37,7 +37,7 @@ def locked(text: str) -> dict[str, tuple[str, int]]:
 
 
 def differing(lock: dict[str, tuple[str, int]]) -> list[str]:
-    """Return what is installed here in another version than the lock has, or is not in it."""
+    """Return the installed packages that are not in the lock, or have another version there."""
     found = []
     for distribution in distributions():
         name = _plain(distribution.metadata["Name"])
@@ -51,7 +51,7 @@ def differing(lock: dict[str, tuple[str, int]]) -> list[str]:
 
 
 def known_vulnerabilities() -> list[str] | None:
-    """Return what pip-audit finds in its database, one line each; None where it cannot be reached."""
+    """Return the findings of pip-audit, one line each; None if its database cannot be reached."""
     command = [sys.executable, "-m", "pip_audit", "--requirement", str(LOCK), "--require-hashes", "--disable-pip"]
     try:
         done = subprocess.run(
@@ -64,7 +64,7 @@ def known_vulnerabilities() -> list[str] | None:
         audited = json.loads(done.stdout)["dependencies"]
     except (subprocess.TimeoutExpired, ValueError, KeyError):
         return None
-    # What was passed over was not looked up: no finding is not the same as nothing found.
+    # A skipped package was not looked up, so the result is incomplete.
     if any("skip_reason" in package for package in audited):
         return None
     return [
@@ -79,7 +79,7 @@ def _plain(name: str) -> str:
 
 
 def main() -> int:
-    """Audit, say what was done and what was found."""
+    """Audit, and print the checks and their findings."""
     lock = locked(LOCK.read_text(encoding="utf-8"))
     wrong = differing(lock)
     for line in wrong:

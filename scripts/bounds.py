@@ -1,4 +1,4 @@
-"""Compare each lower bound of the distributions with the version that is installed here: a part of `make lowest`.
+"""Compare each lower bound of the distributions with the installed version: a part of `make lowest`.
 
 A bound below every version that can be installed together with the others was never tested, so it is an error.
 """
@@ -35,7 +35,7 @@ def main() -> int:
         try:
             installed = Version(version(name))
         except PackageNotFoundError:
-            # Of an extra that is not among the tested ones.
+            # The package is of an extra that is not tested.
             continue
         sys.stdout.write(f"{name:<20} >= {bound!s:<10} installed {installed}\n")
         if installed != bound:

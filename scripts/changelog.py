@@ -1,6 +1,6 @@
-"""Check CHANGELOG.md: its form, and that a branch which changes what users see adds a note (`make check-changelog`).
+"""Check CHANGELOG.md: its form, and that a branch with user-visible changes adds a note (`make check-changelog`).
 
-A commit whose change no user notices says so in a line of its message, `Changelog: none`.
+A commit without a user-visible change has the line `Changelog: none` in its message.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ KINDS: Final = ("Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"
 NO_NOTE: Final = "Changelog: none"
 _HEADING: Final = re.compile(r"## \[(?P<version>[^\]]+)\](?: - (?P<date>\S+))?")
 _VERSION: Final = re.compile(r"\d+\.\d+\.\d+(?:(?:a|b|rc)\d+)?")
-# What is installed and shipped; tests and READMEs beside it are none of a user's.
+# Installed and shipped files; tests and READMEs in these folders are excluded.
 _SEEN_BY_USERS: Final = re.compile(
     r"(?:duralab/duralab|libs/[a-z_]+/duralab_|services/[a-z_]+/[a-z_]+|proto/duralab)[^:]*"
 )
@@ -26,7 +26,7 @@ _INSIDE: Final = re.compile(r"/(?:tests|__pycache__)/|\.md$|^services/[a-z_]+/te
 
 
 def faults(text: str) -> list[str]:
-    """Return what is wrong with the form of a changelog, a sentence each."""
+    """Return a sentence for each error in the form of a changelog."""
     found = []
     sections: list[str] = []
     dates: list[str] = []
@@ -68,7 +68,7 @@ def needs_note(path: str) -> bool:
 
 
 def commits_without_note(base: str, *, root: Path = ROOT) -> list[str]:
-    """Return the commits since a branch left `base` that a user may notice, if the changelog is as it was.
+    """Return the user-visible commits of a branch since `base`, if the changelog is unchanged.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ def manifests() -> list[Path]:
 
 
 def released_manifest(text: str, release: str) -> str:
-    """Return a pyproject.toml as an sdist has it: with the version, and this version of all other distributions.
+    """Return the pyproject.toml for an sdist: with the version, and all other distributions pinned to it.
 
     Raises
     ------
@@ -97,7 +97,7 @@ def build(release: str) -> None:
     """Build sdist and wheel of every distribution into an empty dist/, with the sums of all files."""
     shutil.rmtree(DIST, ignore_errors=True)
     DIST.mkdir()
-    # The time of the commit in every archive: the same commit gives the same bytes.
+    # Use the commit's time in every archive, so that the same commit gives the same bytes.
     environment = {
         **os.environ,
         "SOURCE_DATE_EPOCH": _output("git", "-C", str(ROOT), "log", "-1", "--format=%ct").strip(),
@@ -118,7 +118,7 @@ def build(release: str) -> None:
                 str(folder),
                 env=environment,
             )
-    # Made by uv for folders that are committed by mistake; dist/ is ignored already.
+    # uv creates this file against accidental commits; dist/ is already ignored.
     (DIST / ".gitignore").unlink(missing_ok=True)
     sdists, wheels = sorted(DIST.glob("*.tar.gz")), sorted(DIST.glob("*.whl"))
     count = len(manifests())
@@ -245,7 +245,7 @@ def _check_version(program: Path, release: str) -> None:
 
 
 def _in_empty_folder(command: Sequence[str], scratch: Path, **more: str) -> subprocess.CompletedProcess[str]:
-    # Nothing of the repository may be found by its place.
+    # No module of the repository may be found through the environment or the working directory.
     kept = {key: value for key, value in os.environ.items() if not key.startswith(("PYTHON", "VIRTUAL_ENV", "DURALAB"))}
     with tempfile.TemporaryDirectory(dir=scratch) as folder:
         return subprocess.run(command, cwd=folder, env=kept | more, capture_output=True, text=True, check=False)

@@ -1,8 +1,8 @@
-"""Print what each package of the product holds: files, lines, folders, and imports that run up or in circles.
+"""Print the size of each package of the product: files, lines, folders, and upward or circular imports.
 
-`python scripts/house.py` ends with 1 where an import runs up or in a circle, or where a folder holds more than 25
-modules side by side. Layers are those of the contracts in `pyproject.toml`; `lint-imports` checks these too, and this
-table shows how much there is of everything. The goal for the lines of the product is printed, met or not.
+`python scripts/house.py` ends with 1 if there is an upward or circular import, or if a folder has more than 25
+modules. Layers are those of the contracts in `pyproject.toml`, which `lint-imports` checks too. The goal for the lines
+of the product is printed, met or not.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ GOAL_LINES = 60_000
 
 @dataclass(frozen=True)
 class Row:
-    """What one package holds."""
+    """Numbers of one package."""
 
     package: str
     files: int
@@ -35,7 +35,7 @@ class Row:
 
 
 def product_packages() -> dict[str, Path]:
-    """Return the folder of each package that a wheel holds, generated modules left out."""
+    """Return the folder of each package in a wheel, without generated modules."""
     packages: dict[str, Path] = {}
     for manifest in sorted([*ROOT.glob("*/pyproject.toml"), *ROOT.glob("*/*/pyproject.toml")]):
         wheel = tomllib.loads(manifest.read_text(encoding="utf-8"))["tool"]["hatch"]["build"]["targets"]["wheel"]
@@ -44,7 +44,7 @@ def product_packages() -> dict[str, Path]:
 
 
 def arrows(graph: grimp.ImportGraph, folder: str) -> dict[str, set[str]]:
-    """Return, for each module or folder directly in a folder, which of its siblings it imports."""
+    """Return the imported siblings of each module or folder directly in a folder."""
     found: dict[str, set[str]] = {child: set() for child in graph.find_children(folder)}
     for child, imports in found.items():
         inside = {child, *graph.find_descendants(child)}
@@ -56,7 +56,7 @@ def arrows(graph: grimp.ImportGraph, folder: str) -> dict[str, set[str]]:
 
 
 def circles(found: dict[str, set[str]]) -> tuple[str, ...]:
-    """Return one circle of imports among siblings as text, or nothing."""
+    """Return one import cycle among siblings as text, or an empty tuple."""
     try:
         TopologicalSorter(found).prepare()
     except CycleError as error:
@@ -77,7 +77,7 @@ def upward(found: dict[str, set[str]], layers: list[str], folder: str) -> tuple[
 
 
 def rows() -> list[Row]:
-    """Return what each package holds, by name."""
+    """Return the numbers of each package, by name."""
     packages = product_packages()
     graph = grimp.build_graph(*packages, cache_dir=None)
     contracts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"][
@@ -108,7 +108,7 @@ def rows() -> list[Row]:
 
 
 def main() -> int:
-    """Print the table, then what breaks a rule; return the exit code."""
+    """Print the table, then the broken rules; return the exit code."""
     found = rows()
     said = [f"{'package':20}{'files':>7}{'lines':>8}{'folders':>9}{'largest folder':>16}{'up':>5}{'circles':>9}"]
     said += [

@@ -1,6 +1,6 @@
-"""Print how large the contents of each service's image are, as a table, from what is installed in .venv.
+"""Print a table of the content sizes of each service's image, from the packages installed in .venv.
 
-Each image holds the service's own distributions and the packages of requirements.lock that those need, and no others.
+Each image contains only the service's distributions and the packages of requirements.lock that these need.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ IMAGES = {
 }
 LARGEST_NAMED = 4
 LEFT_OUT = {"recorder": ("rerun_cli/rerun",), "sweep": ("rerun_cli/rerun",)}
-"""Files that the Dockerfile takes out again."""
+"""Files that the Dockerfile removes."""
 
 
 def needed(wanted: Iterable[str]) -> dict[str, Distribution]:
@@ -44,7 +44,7 @@ def needed(wanted: Iterable[str]) -> dict[str, Distribution]:
     Raises
     ------
     PackageNotFoundError
-        One is not installed.
+        A distribution is not installed.
     """
     found: dict[str, Distribution] = {}
     waiting = [Requirement(text) for text in wanted]
@@ -65,7 +65,7 @@ def needed(wanted: Iterable[str]) -> dict[str, Distribution]:
 
 
 def size_of(installed: Distribution, left_out: Iterable[str]) -> int:
-    """Return the bytes of a distribution's files; of those of this repository, of its sources."""
+    """Return the bytes of a distribution's files; for distributions of this repository, of their sources."""
     own = re.sub(r"[-_.]+", "_", installed.metadata["Name"]).lower()
     if own.startswith("duralab"):
         folder = _closure().projects()[installed.metadata["Name"]][0]
@@ -103,7 +103,7 @@ def table() -> str:
 
 
 def main() -> int:
-    """Print it."""
+    """Print the table."""
     try:
         sys.stdout.write(table() + "\n")
     except PackageNotFoundError as error:

@@ -73,7 +73,7 @@ def page_texts(path: str) -> Iterator[Text]:
 
 
 def python_texts(path: str, exported: set[str]) -> Iterator[Text]:
-    """Yield what users read of a module: help, settings, error sentences, and docstrings of exported names."""
+    """Yield the user-visible texts of a module: help, settings, error sentences, and docstrings of exported names."""
     tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
     commands = "/cli/commands/" in path
     if path.endswith("__init__.py") and exported:

@@ -1,4 +1,4 @@
-"""Draw docs/pictures/report.png: a report as a browser shows it.
+"""Draw docs/pictures/report.png: a screenshot of a report in a browser.
 
 `python scripts/report_picture.py [out/demo/report.html] [--out docs/pictures/report.png]`
 """
@@ -45,7 +45,7 @@ def main() -> None:
             asked.report.resolve().as_uri(),
         ]
         subprocess.run(command, check=True, capture_output=True, timeout=300)
-    # A page has few colours: a palette of them is a third of the size.
+    # A page has few colours; a palette reduces the size to a third.
     Image.open(asked.out).convert("RGB").quantize(128).save(asked.out, optimize=True)
 
 

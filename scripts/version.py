@@ -1,4 +1,4 @@
-"""The one version of all distributions: the last tag of git, or what stands for it where there is none.
+"""Common version of all distributions: the last tag of git, or a development version without a tag.
 
 Hatchling runs `version()` when it builds a distribution from this repository (`[tool.hatch.version]`); `make dist`
 writes the same version into the sources that it packs, so that an sdist needs neither git nor this file.
@@ -14,13 +14,13 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 NEXT = (0, 1, 0)
-"""Release that a source without a tag becomes part of; raised when that release is tagged."""
+"""Next release, for a source without a tag; increase it when that release is tagged."""
 
 _RELEASE = re.compile(r"v?(\d+)\.(\d+)\.(\d+)((?:a|b|rc)\d+)?")
 
 
 def version() -> str:
-    """Return the version: `DURALAB_VERSION` where it is set, that of git, or `NEXT` as a development version.
+    """Return the version: `DURALAB_VERSION` if it is set, that of git, or `NEXT` as a development version.
 
     A tagged commit without changes is `1.2.3`. Commits behind a tag are development versions of the release after it,
     `1.2.4.dev7+g0a1b2c3`, with the number of commits since the tag.
@@ -45,7 +45,7 @@ def version() -> str:
 
 
 def version_of_description(described: str) -> str:
-    """Return the version of what `git describe --long --dirty` answers, e.g. `v1.2.3-7-g0a1b2c3-dirty`."""
+    """Return the version from the output of `git describe --long --dirty`, e.g. `v1.2.3-7-g0a1b2c3-dirty`."""
     text, dirty = described.removesuffix("-dirty"), described.endswith("-dirty")
     tag, count, commit = text.rsplit("-", 2)
     found = _RELEASE.fullmatch(tag)
@@ -69,7 +69,7 @@ def _text(release: tuple[int, int, int]) -> str:
 
 
 def _git(*arguments: str) -> str | None:
-    """Return what git answers; None where it is not installed, or does not know."""
+    """Return git's output; None if git is not installed or fails."""
     try:
         done = subprocess.run(["git", "-C", str(ROOT), *arguments], capture_output=True, text=True, check=False)
     except OSError:

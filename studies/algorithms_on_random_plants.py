@@ -29,7 +29,7 @@ class Algorithm:
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: plants, playbacks, length of the targets in seconds, seeds of other plants."""
+    """Extent of the study: plants, playbacks, length of the targets in seconds, seeds of other plants."""
 
     plants: int
     playbacks: int
@@ -42,7 +42,7 @@ QUICK: Final = Extent(plants=2, playbacks=3, seconds=5.0, other_seeds=(1001,))
 PLANT_SEED: Final = 1
 NOISE_SEED: Final = 2
 FORCED_SEED: Final = 7
-#: Playbacks after which the table tells the median.
+#: Playbacks after which the table shows the median.
 TOLD: Final = (3, 5, 7, 10)
 #: An end above this multiple of the best playback counts as run away.
 RUN_AWAY: Final = 1.1
@@ -110,7 +110,7 @@ def study(quick: bool) -> Findings:
 
 
 def terms_table(extent: Extent) -> str:
-    """Tabulate what nonlinear terms do on other rigs of the same kind, and on rigs driven by force."""
+    """Tabulate the effect of nonlinear terms on other rigs of the same kind, and on rigs driven by force."""
     rows: list[list[str]] = []
     benches = [(f"seed {seed}", seed, False) for seed in extent.other_seeds]
     for name, seed, forced in (*benches, ("driven by force", FORCED_SEED, True)):

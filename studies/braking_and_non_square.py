@@ -33,7 +33,7 @@ from rig_sim import PlayableRig
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: road, stops of the braking car (from, length), playbacks and levels of identification."""
+    """Extent of the study: road, stops of the braking car (from, length), playbacks and levels of identification."""
 
     seconds: float
     potholes: int
@@ -59,7 +59,7 @@ _DRAWN_SECONDS: Final = 2.6
 
 @dataclass(frozen=True)
 class Compromise:
-    """What the axle with sensors came to, and the error of every response."""
+    """Result of the axle with sensors, and error of every response."""
 
     target: str
     controlled: str
@@ -100,7 +100,7 @@ def _on_spindles(target: NDArray[np.float64], share: float, algorithm: Algorithm
 def _iterated(
     rig: PlayableRig, target: NDArray[np.float64], model: RigModel, *, algorithm: Algorithm, extent: Extent
 ) -> Trial:
-    """Iterate with the gain 1; what would pass a limit of the rig is projected to it."""
+    """Iterate with the gain 1; drives beyond a limit of the rig are projected to it."""
     return campaign(
         target,
         model=model,

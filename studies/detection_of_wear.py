@@ -1,4 +1,4 @@
-"""Wear and cracks in an endurance test: how soon they are found, and how often nothing is found.
+"""Wear and cracks in an endurance test: repeats until detection, and rate of missed changes.
 
 `python studies/detection_of_wear.py` writes picture and tables of docs/studies/detection_of_wear.md again.
 """
@@ -38,7 +38,7 @@ _MOST_REPEATS: Final = 400
 
 @dataclass(frozen=True)
 class Scatter:
-    """What repeats differ by: noise in multiples of the sensors', gain of each channel, start of the record in s."""
+    """Differences of repeats: noise in multiples of the sensors', gain of each channel, start of the record in s."""
 
     name: str
     noise: float
@@ -52,7 +52,7 @@ ROUGH: Final = Scatter("rough repeats", 4.0, 0.003, 2e-4)
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: seconds of an event, seeds, repeats of a seed for false alarms, those that pictures compare.
+    """Extent of the study: seconds of an event, seeds, repeats of a seed for false alarms, repeats for the pictures.
 
     `lives`: Seeds of whole simulations with wear.
     """
@@ -70,7 +70,7 @@ QUICK: Final = Extent(3.0, 2, 100, 20, 1)
 
 @dataclass(frozen=True)
 class Case:
-    """Something that changes: the response to an event in a repeat, counted from the first that differs."""
+    """Case of a change: the response to an event in a repeat, counted from the first changed one."""
 
     name: str
     kind: AlarmKind
@@ -99,7 +99,7 @@ def responses(
 
 
 def noise_of(seed: int, samples: int) -> NDArray[np.float64]:
-    """Return what a playback with a seed draws for its sensors, shape (channels, samples)."""
+    """Return the sensor noise of a playback with a seed, shape (channels, samples)."""
     return np.random.default_rng(seed).standard_normal((samples, NOISE_RMS.size)).T
 
 
@@ -138,7 +138,7 @@ def cases(seconds: float) -> tuple[dict[str, NDArray[np.float64]], list[Case]]:
 
 
 def measured(response: NDArray[np.float64], scatter: Scatter, random: np.random.Generator) -> NDArray[np.float64]:
-    """Return what a repeat measures of a response."""
+    """Return the measurement of a response in a repeat."""
     channels, samples = response.shape
     gain = 1.0 + scatter.gain * random.standard_normal((channels, 1))
     if scatter.start:
@@ -239,7 +239,7 @@ def false_alarms(
     seeds: Sequence[int],
     repeats: int,
 ) -> tuple[int, int]:
-    """Count the alarms of changes where nothing changes, and the repeats judged."""
+    """Count the alarms without a change, and the judged repeats."""
     events, count = tuple(new), 0
     for seed in seeds:
         random = np.random.default_rng([3, seed])

@@ -104,7 +104,7 @@ def measure(cell: RigCell, panel: Panel, true: NDArray[np.complex128]) -> Errors
 def error_of(
     cell: RigCell, part: Record | None, estimator: EstimatorKind, true: NDArray[np.complex128]
 ) -> float | None:
-    """Return the error over the lines of the band, None where there is nothing to estimate from."""
+    """Return the error over the lines of the band, None if there are no data for an estimate."""
     if part is None:
         return None
     try:
@@ -116,7 +116,7 @@ def error_of(
 
 
 def median(values: Sequence[float | None]) -> float | None:
-    """Return the median over the seeds, None where one of them has nothing."""
+    """Return the median over the seeds, None if one of them has no value."""
     known = [value for value in values if value is not None]
     return float(np.median(known)) if len(known) == len(values) else None
 

@@ -1,4 +1,4 @@
-"""Figure 3 of the paper: what Hadamard decorrelation does to the FRF of a spindle-coupled rig, for one record length.
+"""Figure 3 of the paper: effect of Hadamard decorrelation on the FRF of a spindle-coupled rig, for one record length.
 
 `python studies/figure_3.py` writes picture and table of docs/studies/figure_3.md again.
 """
@@ -26,7 +26,7 @@ RESPONSE, DRIVE = 2, 2
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: whole Hadamard matrices, seeds, length of a reference in seconds, samples in a block."""
+    """Extent of the study: whole Hadamard matrices, seeds, length of a reference in seconds, samples in a block."""
 
     matrices: tuple[int, ...]
     seeds: tuple[int, ...]
@@ -40,14 +40,14 @@ QUICK = Extent(matrices=(1, 2), seeds=(1,), reference_seconds=10.0, block_sample
 
 @dataclass(frozen=True)
 class Outcome:
-    """What one experiment found: the estimate, and its error at each line of the band."""
+    """Result of one experiment: the estimate, and its error at each line of the band."""
 
     estimate: FrfEstimate
     error: NDArray[np.float64]
 
     @property
     def condition(self) -> NDArray[np.float64]:
-        """Of S_uu, at each line of the band."""
+        """Condition number of S_uu, at each line of the band."""
         return self.estimate.condition_number[self.estimate.valid]
 
 
@@ -55,7 +55,7 @@ Outcomes = dict[tuple[ExcitationKind, int], list[Outcome]]
 
 
 def seconds_of(cell: RigCell, matrices: int) -> float:
-    """Return how long so many whole Hadamard matrices last."""
+    """Return the duration of a number of whole Hadamard matrices."""
     return matrices * COLUMNS * BLOCKS_PER_COLUMN * cell.block_seconds + cell.fade_seconds
 
 

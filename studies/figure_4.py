@@ -32,7 +32,7 @@ EXPERIMENT_BLOCKS = 16
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: whole matrices, seeds, length of a reference in seconds, samples in a block."""
+    """Extent of the study: whole matrices, seeds, length of a reference in seconds, samples in a block."""
 
     matrices: int
     seeds: tuple[int, ...]
@@ -111,7 +111,7 @@ def study(quick: bool) -> Findings:
 
 
 def name_of(number: int) -> str:
-    """Return what a case is called."""
+    """Return the name of a case."""
     kind, estimator = CASES[number]
     return f"{TITLES[kind]}, {ESTIMATORS[estimator]}"
 

@@ -20,7 +20,7 @@ from rig_sim.structure import StructureRig
 
 #: Around the two torsion modes of the wing, where the damping is least.
 ZOOM = (29.5, 35.0)
-#: A line is near a resonance within so many half-power widths, 2 zeta f, of it.
+#: Distance from a resonance, in half-power widths 2 zeta f, up to which a line counts as near it.
 NEAR = 2.0
 
 
@@ -44,13 +44,13 @@ CASES = (
     Case("pure random, LPM", PURE, EstimatorKind.LOCAL_POLYNOMIAL, 1, "#d9a441", "--"),
     Case("pure random, LRM", PURE, EstimatorKind.LOCAL_RATIONAL, 1, "black", "--"),
 )
-#: Of the upper picture, where more curves would hide each other.
+#: Cases in the upper picture, where more curves would hide each other.
 DRAWN = (0, 2)
 
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: seconds, seeds, samples in a block."""
+    """Extent of the study: seconds, seeds, samples in a block."""
 
     seconds: float
     seeds: tuple[int, ...]
@@ -90,7 +90,7 @@ def measure(cell: RigCell, case: Case, extent: Extent) -> Outcome:
 
 
 def near_resonances(cell: RigCell, frequency: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Tell which lines lie near a resonance of the structure."""
+    """Return the lines that are near a resonance of the structure."""
     assert isinstance(cell.rig, StructureRig)
     modes = cell.rig.modes
     distance = np.abs(frequency[:, None] - modes.frequency)

@@ -32,7 +32,7 @@ from iterator import overlay_spectra
 _SPECTRUM_BLOCK: Final = 2048
 #: N²/Hz; below is what the flank of the control band leaves of the target.
 _LOWEST_DENSITY: Final = 1.0
-#: Hz; between them the table tells the error.
+#: Frequencies in Hz between which the table shows the error.
 BAND_EDGES: Final = (0.7, 5.0, 10.0, 15.0, 18.0, 23.0, 30.0, 35.0)
 _MODELS: Final = ("#c0562a", "0.25")
 
@@ -79,7 +79,7 @@ def draw_models(axes: Axes, extent: Extent) -> None:
 
 
 def draw_radius(axes: Axes, extent: Extent) -> None:
-    """Draw what Eq. 6 foresees for every gain."""
+    """Draw the prediction of Eq. 6 for every gain."""
     for gain, style in zip(extent.gains, ("-", "--", ":"), strict=False):
         frequency, radius = spectral_radius(extent, gain)
         axes.plot(frequency, radius, style, color="0.25", lw=1.1, label=f"gain {gain:g}")

@@ -1,4 +1,4 @@
-"""How far an estimated FRF matrix is from a true one: error at each line, and what of it is bias and what scatter."""
+"""Error of an estimated FRF matrix at each line, and its bias and scatter."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ def bias_and_scatter(
     -------
     tuple of numpy.ndarray
         Bias, the error of the mean of all; and scatter, the standard deviation of one; each of shape (lines), relative.
-        Of n experiments the bias cannot be known better than the scatter over the square root of n.
+        With n experiments, the uncertainty of the bias is at least the scatter over the square root of n.
     """
     mean = np.mean(estimates, axis=0)
     deviation = [relative_error(true + each - mean, true, levels=levels) for each in estimates]
@@ -62,5 +62,5 @@ def bias_and_scatter(
 
 
 def root_mean_square(values: NDArray[np.float64]) -> float:
-    """Root mean square over the lines: where the FRF is wrong counts, not only where it is typical."""
+    """Return the root mean square over the lines, which, unlike a median, includes lines with large errors."""
     return float(np.sqrt(np.mean(np.square(values))))

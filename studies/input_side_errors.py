@@ -52,7 +52,7 @@ class Algorithm:
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: seconds of road, potholes, playbacks."""
+    """Extent of the study: seconds of road, potholes, playbacks."""
 
     seconds: float
     potholes: int
@@ -62,14 +62,14 @@ class Extent:
 FULL: Final = Extent(16.0, 2, 7)
 QUICK: Final = Extent(6.0, 1, 2)
 SEED: Final = 1
-#: Of the target's RMS.
+#: Share of the target's RMS.
 NOISE: Final = 0.003
 _GAIN: Final = 0.8 * ONE
 _SIZE: Final = ONE.size
 #: The left wheel's lateral and longitudinal channel.
 _LATERAL, _LONGITUDINAL = 1, 2
 _TOO_STRONG, _DELAY_SECONDS, _ANGLE = 1.4, 0.006, math.radians(30.0)
-#: Above this the error says nothing but that it diverged.
+#: Error above which the iteration counts as diverged.
 _DIVERGED: Final = 2.0
 
 

@@ -66,7 +66,7 @@ _TARGET_NOISE, _IDENTIFICATION_NOISE, _PLAYBACK_NOISE = 1, 1000, 2000
 
 @dataclass(frozen=True)
 class Trial:
-    """What one algorithm made of the target.
+    """Result of one algorithm.
 
     Parameters
     ----------

@@ -26,7 +26,7 @@ class Algorithm:
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: seconds of road, potholes, playbacks, and what the table of levels varies."""
+    """Extent of the study: seconds of road, potholes, playbacks, and the values in the table of levels."""
 
     seconds: float
     potholes: int
@@ -103,7 +103,7 @@ def model_of(extent: Extent) -> RigModel:
 
 
 def operational_model(extent: Extent) -> RigModel:
-    """Return the model of the level that the target needs, which stands for the rig."""
+    """Return the model of the level that the target needs, which represents the rig."""
     return identified(1.0, extent.seeds[0])
 
 
@@ -126,5 +126,5 @@ def worst_channel(extent: Extent) -> int:
 
 
 def error_after(trial: Trial, playbacks: int) -> str:
-    """Tell the error over all channels after so many playbacks, a dash where it did not come so far."""
+    """Return the error over all channels after a number of playbacks, a dash if it ended before."""
     return percent(float(trial.overall[playbacks - 1])) if playbacks <= trial.overall.size else "–"

@@ -1,4 +1,4 @@
-"""The part of a page that a script writes: what stands between two markers."""
+"""Part of a page that a script writes: the text between two markers."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ END = "<!-- end of numbers -->"
 
 
 def between_markers(text: str, numbers: str, *, script: Path) -> str:
-    """Return a page with what stands between the markers of a script replaced.
+    """Return a page with the text between a script's markers replaced.
 
     Raises
     ------
@@ -27,7 +27,7 @@ def between_markers(text: str, numbers: str, *, script: Path) -> str:
 
 
 def write_numbers(page: Path, numbers: str, *, script: Path) -> None:
-    """Replace what stands between the markers of a script in a page.
+    """Replace the text between a script's markers in a page.
 
     Raises
     ------

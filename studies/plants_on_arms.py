@@ -39,7 +39,7 @@ _LEVEL, _NOISE = 0.25, 0.01
 
 
 class Mapped(Enum):
-    """What a campaign makes of the arcs."""
+    """Treatment of the arcs by a campaign."""
 
     NOT = "no map"
     FROM_IDENTIFICATION = "map of the identification"
@@ -48,7 +48,7 @@ class Mapped(Enum):
 
 @dataclass(frozen=True)
 class MappedBench:
-    """Plants with their targets, and what the identification says of each.
+    """Plants with their targets, and the results of their identification.
 
     Parameters
     ----------

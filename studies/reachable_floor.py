@@ -1,4 +1,4 @@
-"""How close the best update comes to what can be reached: to the sensors' noise, and to what drives and valves allow.
+"""Distance of the best update from the reachable floor: the sensors' noise, and the limits of drives and valves.
 
 `python studies/reachable_floor.py` writes picture and tables of docs/studies/reachable_floor.md again.
 """
@@ -26,7 +26,7 @@ from rig_sim.playing import Fault, FaultKind, NoisySensor, ValveSaturation
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: road, playbacks, repeats of the best drive, and what the tables vary."""
+    """Extent of the study: road, playbacks, repeats of the best drive, and the values in the tables."""
 
     seconds: float
     potholes: int
@@ -53,7 +53,7 @@ _BLUE, _GREEN, _RED = SECANT.colour, ADAPTIVE.colour, BASIC_TWR.colour
 
 @dataclass(frozen=True)
 class Approach:
-    """A campaign, and what repeats of its best drive say of it."""
+    """Campaign, and repeats of its best drive."""
 
     trial: Trial
     best: Iteration
@@ -87,7 +87,7 @@ def study(quick: bool) -> Findings:
 
 @cache
 def rig_with_noise(times: float) -> PlayableRig:
-    """Return the rig with so many times its sensors' noise."""
+    """Return the rig with its sensors' noise multiplied by a factor."""
     rig = front_axle_compliant().rig
     if times == 1.0:
         return rig
@@ -171,7 +171,7 @@ class Throttled:
 
 
 def throttled_valves(target: NDArray[np.float64], opening: float, extent: Extent) -> Throttled:
-    """Iterate with valves of which no limit of a drive tells anything."""
+    """Iterate with valve limits that are not in the drives' limits."""
     rig = front_axle_compliant().rig
     if opening < 1.0:
         rig = _broken(

@@ -67,12 +67,12 @@ class RigCell:
 
     @property
     def sample_rate(self) -> float:
-        """Of the rig, in hertz."""
+        """Sample rate of the rig, in hertz."""
         return self.rig.specimen.sample_rate
 
     @property
     def block_seconds(self) -> float:
-        """Length of a block."""
+        """Length of a block, in seconds."""
         return self.block_samples / self.sample_rate
 
     def settings(self, kind: ExcitationKind, *, seconds: float, seed: int, delay_blocks: int = 1) -> ExperimentSettings:
@@ -119,7 +119,7 @@ class RigCell:
 
 @dataclass(frozen=True)
 class Record:
-    """What was played and measured.
+    """Played drive and measured response.
 
     Parameters
     ----------

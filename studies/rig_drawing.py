@@ -77,7 +77,7 @@ class View:
         return float(piece.points[:, 2].max() if self.depth == 2 else -piece.points[:, self.depth].min())
 
 
-#: x points forward, y to the left, z up; whoever stands behind the axle has y to the left.
+#: x points forward, y to the left, z up; seen from behind the axle, y points to the left.
 VIEWS = (
     View("from behind", across=1, up=2, row=0, column=0),
     View("from the right", across=0, up=2, row=0, column=1),

@@ -1,4 +1,4 @@
-"""What the responses of the front axle say of each wear, for docs/rigs/wear.md.
+"""Effect of each kind of wear on the responses of the front axle, for docs/rigs/wear.md.
 
 `python studies/rig_wear.py` plays one minute of rough road on `front_axle_wearing`, as new and with one loss at a time,
 and writes table and picture again. The sensors' noise is the same in all playbacks but the second.

@@ -1,4 +1,4 @@
-"""What noise, a rig that softens, the identification's level and the block size do to each update.
+"""Effect of noise, a softening rig, the identification's level and the block size on each update.
 
 `python studies/sensitivity.py` writes picture and tables of docs/studies/sensitivity.md again.
 """
@@ -78,7 +78,7 @@ VARIED: Final = (
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: plants, playbacks, seconds of the targets, and which values of each condition."""
+    """Extent of the study: plants, playbacks, seconds of the targets, and values of each condition."""
 
     plants: int
     playbacks: int

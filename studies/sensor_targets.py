@@ -32,7 +32,7 @@ ACCELERATIONS: Final = Group("knuckle accelerations", tuple(range(6, 12)))
 STRUTS: Final = Group("strut travel", (12, 13))
 BUSHINGS: Final = Group("forces of the rear bushings", tuple(range(14, 18)))
 GROUPS: Final = (FORCES, ACCELERATIONS, STRUTS, BUSHINGS)
-#: Of the operational drive RMS.
+#: Share of the operational drive RMS.
 _SHARE: Final = 0.3
 _OWN_NOISE: Final = 5000
 

@@ -77,7 +77,7 @@ RIGS: Final = ("front_axle", "macpherson")
 
 @dataclass(frozen=True)
 class Extent:
-    """How much is played: seconds of a target, playbacks, which of them a table names, plants, their targets."""
+    """Extent of the study: seconds of a target, playbacks, playbacks in a table, plants, their targets."""
 
     seconds: float
     potholes: int
@@ -199,7 +199,7 @@ def iterated(
 
 @dataclass(frozen=True)
 class Course:
-    """What a campaign came to, without its records.
+    """Result of a campaign, without its records.
 
     `overall`, `worst`, shape (playbacks,): Relative RMS error over all channels and of the worst one. `largest_force`:
     Of all playbacks and channels, over the largest of the target in that channel. `passes`, shape (channels,): Damage

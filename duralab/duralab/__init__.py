@@ -1,6 +1,6 @@
 """Duralab: start or join a durability test lab, play its rigs, run campaigns, read recordings, write reports.
 
-Everything is imported when it is first used, so that `import duralab` costs nothing.
+Each name is imported at its first use, so that `import duralab` is fast.
 """
 
 from __future__ import annotations
@@ -171,7 +171,7 @@ _public = lazy_face(__name__)
 
 
 def __getattr__(name: str) -> object:
-    """Import what is asked for; `duralab.open` is `open_recording`, and not one of those that `import *` takes."""
+    """Import a public name at its first use; `duralab.open` is `open_recording`, which `import *` does not import."""
     return _public("open_recording" if name == "open" else name)
 
 

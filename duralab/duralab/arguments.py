@@ -1,7 +1,7 @@
-"""Checks of the arguments of a script, before anything is asked or moved.
+"""Checks of a script's arguments, before any request is sent or any rig moves.
 
-Not by `pydantic.validate_call`: it resolves annotations on import, so that xarray would be imported as well,
-takes True for a number, and has no sentence that says what to give instead.
+`pydantic.validate_call` is not used: it resolves annotations on import, so that xarray would be imported as well,
+accepts True as a number, and its errors do not state the remedy.
 """
 
 from __future__ import annotations
@@ -42,23 +42,23 @@ def require_switch(value: object, *, field: str) -> None:
 
 
 def folder_of(given: str | Path | None, *, usual: Path, field: str = "out") -> Path:
-    """Return the given folder, or the usual one if none is given; refuse what is not a path."""
+    """Return the given folder, or the usual one if none is given; refuse a value that is not a path."""
     require_path(given, of="a folder", field=field)
     return usual if given is None else Path(given)
 
 
 def require_path(given: object, *, of: str, field: str) -> None:
-    """Refuse a value that is neither a path nor None; `of` says what the path leads to, e.g. "a folder"."""
+    """Refuse a value that is neither a path nor None; `of` names the kind of path, e.g. "a folder"."""
     if given is not None and not isinstance(given, str | os.PathLike):
         raise InputError(f"{field} is {given!r}; give the path of {of}, a text or a pathlib.Path.", field=field)
 
 
 def progress_callback(on_progress: Callable[[T], None] | None) -> Callable[[T], None]:
-    """Return the progress callback, or a no-op if none was given; refuse what cannot be called."""
+    """Return the progress callback, or a no-op if none was given; refuse a value that is not callable."""
     if on_progress is None:
         return _ignore
     if not callable(on_progress):
-        # Found at the first progress, it would be found after the rig has begun to move.
+        # Without this check the error would come at the first progress report, when the rig already moves.
         raise InputError(
             f"on_progress is {on_progress!r}; give a function of one argument, or leave it out.", field="on_progress"
         )
@@ -77,7 +77,7 @@ def real_numbers(values: object, *, what: str, field: str) -> np.ndarray:
     except ValueError as error:
         raise InputError(f"{what} is no array; give one whose rows have the same length.", field=field) from error
     if given.dtype.kind not in _REAL_KINDS:
-        # numpy would drop the imaginary part with no more than a warning, and read numbers out of text.
+        # numpy would drop the imaginary part with only a warning, and parse numbers from strings.
         held = _IN_WORDS.get(given.dtype.kind, f"values of type {given.dtype}")
         raise InputError(f"{what} holds {held}; give an array of real numbers, such as float64.", field=field)
     _require_plain(values, what=what, field=field)
@@ -85,7 +85,7 @@ def real_numbers(values: object, *, what: str, field: str) -> np.ndarray:
 
 
 def _require_plain(values: object, *, what: str, field: str) -> None:
-    """Refuse what numpy would strip off: a mask, and the unit of a quantity as pint, astropy and xarray carry one."""
+    """Refuse a mask, and a unit as in pint, astropy and xarray: numpy would remove both without an error."""
     masked = int(np.ma.count_masked(values)) if isinstance(values, np.ma.MaskedArray) else 0
     if masked:
         raise InputError(

@@ -1,13 +1,13 @@
 """Errors of the SDK, each with one sentence.
 
-LabError                    whatever goes wrong; the others are kinds of it
-├── InputError              a value is not allowed, or a name is unknown or taken: correct it and ask again
-├── NotReadyError           not in the state the lab is in: a rig is latched, a recording is still written
-├── BusyError               the rig plays, or all workers of a service are taken: ask again later
-├── StoppedError            somebody stopped it: a person, another script, or this one
-├── LabTimeoutError         it took longer than was allowed, or a service is silent; a TimeoutError too
-├── UnavailableError        who is asked is not on the bus, or left it before the answer
-├── ServiceEndedError       a service that this process started ended by itself
+LabError                    base class of all errors of the lab
+├── InputError              a value is not allowed, or a name is unknown or taken: correct it and retry
+├── NotReadyError           not possible in the lab's state: a rig is latched, a recording is still written
+├── BusyError               the rig plays, or all workers of a service are busy: retry later
+├── StoppedError            an operator, another script or this one stopped the call
+├── LabTimeoutError         the call took longer than allowed, or a service is silent; also a TimeoutError
+├── UnavailableError        the service is not on the bus, or left it before its answer
+├── ServiceEndedError       a service that this process started ended unexpectedly
 └── CampaignFaultError      a campaign ended before its last playback
 """
 
@@ -21,9 +21,9 @@ PROCESS_LIMIT: Final = (
     "the limit of processes and threads of this user or container is reached; end other processes, or raise the limit "
     "(`ulimit -u`, the container's pids limit)"
 )
-"""Reason and remedy where the system starts no further process or thread."""
+"""Reason and remedy if the system cannot start another process or thread."""
 
-# Python, Zenoh's runtime in Rust, and OpenBLAS.
+# Messages of Python, of Zenoh's runtime in Rust, and of OpenBLAS.
 _NO_THREAD: Final = ("can't start new thread", "can't spawn worker thread", "failed to spawn thread", "pthread_create")
 
 
@@ -33,11 +33,11 @@ class LabError(Exception):
     Parameters
     ----------
     message : str
-        One sentence: what was wrong with which value, what is allowed, what to do.
+        One sentence: the wrong value, the allowed values, and the remedy.
     field : str
-        Path of the value that was wrong, e.g. "update.iteration_gain"; empty where none is.
+        Path of the wrong value, e.g. "update.iteration_gain"; empty if the error is not about a value.
     service : str
-        The service that found it, e.g. "rig_sim"; empty where none did.
+        Service that reported the error, e.g. "rig_sim"; empty if no service did.
     """
 
     def __init__(self, message: str, *, field: str = "", service: str = "") -> None:
@@ -48,23 +48,23 @@ class LabError(Exception):
 
 
 class InputError(LabError):
-    """A value that the user gave is not allowed: correct it and ask again."""
+    """A value that the user gave is not allowed: correct it and retry."""
 
 
 class NotReadyError(LabError):
-    """It cannot be done in the state the lab is in, e.g. a rig is latched: change that, then ask again."""
+    """The request is not possible in the lab's present state, e.g. a rig is latched: change the state, then retry."""
 
 
 class BusyError(LabError):
-    """The rig plays something else, or all workers of a service are taken: ask again later."""
+    """The rig plays another run, or all workers of a service are busy: retry later."""
 
 
 class StoppedError(LabError):
-    """It was stopped on request before it was done."""
+    """The call was stopped on request before it was complete."""
 
 
 class LabTimeoutError(LabError, TimeoutError):
-    """It took longer than `timeout_seconds` allowed, or a service gave no sign of life."""
+    """The call took longer than `timeout_seconds`, or a service sent no sign of life."""
 
 
 class UnavailableError(LabError):
@@ -80,14 +80,14 @@ class CampaignFaultError(LabError):
 
 
 def ended(sentence: str) -> str:
-    """Return a sentence with its full stop: a service may leave it out, and another sentence follows."""
+    """Return a sentence with its full stop: a service may omit it, and another sentence follows."""
     text = sentence.rstrip()
     return text if text.endswith((".", "!", "?")) else f"{text}."
 
 
 def is_process_limit(error: BaseException | str) -> bool:
-    """Return whether an error, or the text of one in a log, means that no further process or thread may start."""
+    """Return whether an error, or its text in a log, means that the limit of processes and threads is reached."""
     if isinstance(error, OSError):
-        # A full pipe that does not block is EAGAIN as well, with its own text.
+        # A full non-blocking pipe also raises EAGAIN, but with another text.
         return error.errno == errno.EAGAIN and error.strerror == os.strerror(errno.EAGAIN) and error.filename is None
     return any(part in str(error) for part in _NO_THREAD)

@@ -1,4 +1,4 @@
-"""Faces of folders whose modules are imported when a name of theirs is first used."""
+"""Lazy imports for a package's `__init__`: a module is imported at the first use of one of its names."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 
 
 def lazy_face(package: str) -> Callable[[str], object]:
-    """Return the `__getattr__` of a package: it imports a name on request, as the package's `if TYPE_CHECKING` says."""
+    """Return the `__getattr__` of a package; it imports a name from the module given under `if TYPE_CHECKING`."""
 
     @cache
     def module_of() -> dict[str, str]:

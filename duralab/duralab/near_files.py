@@ -1,4 +1,4 @@
-"""The existing file that a mistyped path may mean."""
+"""Suggestion of the existing file that a mistyped path may mean."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Final
 
 _MOST_ENTRIES: Final = 5_000
-"""Entries of a folder that are compared; a larger one would delay the error message."""
+"""Maximum number of compared entries of a folder; more would delay the error message."""
 
 
 def did_you_mean(path: str | Path, *, names: Iterable[str] = ()) -> str:
@@ -24,7 +24,7 @@ def did_you_mean(path: str | Path, *, names: Iterable[str] = ()) -> str:
 
 
 def _nearest(path: Path) -> Path | None:
-    """Return the nearest existing file; None where no part of the path that does not exist has a similar name."""
+    """Return the existing file with the most similar path; None if a missing part of the path has no similar name."""
     place = Path(path.anchor)
     *folders, name = path.parts[1 if path.anchor else 0 :] or ("",)
     for part in folders:

@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all, and that replace others only when asked."""
+"""Output files: written atomically, and replacing existing files only on request."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ OUTPUTS: Final = ("recording.mcap", "live.rrd", "report.html")
 
 @contextmanager
 def replace_when_complete(path: Path) -> Iterator[Path]:
-    """Give a temporary name beside `path`, which becomes `path` at the end; after an error nothing is left of it."""
-    # No process id: those of containers are the same, of two that write one file and of one that is started again.
+    """Yield a temporary path beside `path` and rename it to `path` at the end; delete it after an error."""
+    # A process id would not be unique: two containers that write one file, or a restarted one, can have the same id.
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -28,13 +28,13 @@ def replace_when_complete(path: Path) -> Iterator[Path]:
             f"{path} cannot be written: {error.strerror or error}; give another place, or make room there."
         ) from error
     finally:
-        # A file in the place of a folder, a name too long: `missing_ok` is about missing files only.
+        # `missing_ok` does not cover a file where a folder is expected, or a name that is too long.
         with suppress(OSError):
             temporary.unlink(missing_ok=True)
 
 
 def require_outputs(paths: Iterable[Path], *, replace: bool, read: Iterable[Path] = ()) -> None:
-    """Refuse outputs that are files which are read for them, and without `replace` those that exist."""
+    """Refuse outputs that are also input files, and without `replace` existing files."""
     paths = list(paths)
     require_other(paths, read=read)
     there = [path for path in paths if _is_there(path)]
@@ -45,7 +45,7 @@ def require_outputs(paths: Iterable[Path], *, replace: bool, read: Iterable[Path
 
 
 def require_other(paths: Iterable[Path], *, read: Iterable[Path]) -> None:
-    """Refuse an output that is one of the files which are read for it, by whatever name or link."""
+    """Refuse an output that is also one of its input files, also by another name or link."""
     sources = [source for source in read if _is_there(source)]
     for path in filter(_is_there, paths):
         if any(path.samefile(source) for source in sources):

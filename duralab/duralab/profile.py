@@ -1,4 +1,4 @@
-"""Profile of a campaign: the traces of all processes as one Chrome trace, and the shares of the time."""
+"""Profile of a campaign: the traces of all processes as one Chrome trace, and the time of each kind of work."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from duralab.output_files import replace_when_complete
 from duralab_bus import TRACE_SUFFIX, SpanKind, record_trace, write_span
 
 PROFILE: Final = "profile.json"
-"""The trace that a campaign leaves in its folder where one is asked for."""
+"""Name of the trace file in a campaign's folder, written on request."""
 
 _SHOWN: Final = {
     SpanKind.PLAYBACK: "playback by the rig",
@@ -32,12 +32,12 @@ _SHOWN: Final = {
     SpanKind.SERVICE: "other work of the services",
     SpanKind.WAITING: "waiting for one another",
 }
-"""What counts where several processes work at once: the first of these. Last, time in which none of them works."""
+"""Kinds of work by priority: if several processes work at once, the first kind counts. Last: no process works."""
 
 
 @dataclass(frozen=True)
 class Span:
-    """A stretch of time of one thread, in s since 1970."""
+    """Period of work of one thread, in s since 1970."""
 
     kind: SpanKind
     began: float
@@ -47,7 +47,7 @@ class Span:
 class Profile:
     """The spans of all processes of a lab.
 
-    `events`: As Chrome's trace format has them, times in µs.
+    `events`: Events in Chrome's trace format, times in µs.
     """
 
     def __init__(self, events: Sequence[dict[str, Any]]) -> None:
@@ -56,7 +56,7 @@ class Profile:
 
     @classmethod
     def read(cls, folder: Path) -> Self:
-        """Read what every process wrote to a folder; a line that a killed process left unfinished is passed over."""
+        """Read the traces of all processes from a folder; skip a line that a killed process left incomplete."""
         events = []
         for file in sorted(folder.glob(f"*{TRACE_SUFFIX}")):
             for line in file.read_text().splitlines():
@@ -67,9 +67,9 @@ class Profile:
         return cls(events)
 
     def shares(self, began: float, ended: float) -> dict[SpanKind, float]:
-        """Return the seconds of each kind between two moments, in s since 1970; they add up to the time between them.
+        """Return the seconds of each kind between two times, in s since 1970; their sum is the time between them.
 
-        Every moment counts once: in a thread for its innermost span, and of several threads for the first kind of work
+        Each moment counts once: in one thread for its innermost span, with several threads for the first kind of work
         in the order of `_SHOWN`.
         """
         changes = [(began, None, 0), (ended, None, 0)]
@@ -88,11 +88,11 @@ class Profile:
 
     @property
     def period(self) -> tuple[float, float]:
-        """The first and the last moment of all spans, in s since 1970."""
+        """First and last moment of all spans, in s since 1970."""
         return min(span.began for span in self._spans), max(span.ended for span in self._spans)
 
     def write(self, path: Path) -> None:
-        """Write it for Perfetto, Chrome's tracing page, and other tools that read Chrome's trace format."""
+        """Write the profile in Chrome's trace format, for Perfetto and Chrome's tracing page."""
         start = min((event["ts"] for event in self._events if "ts" in event), default=0.0)
         shifted = [event | {"ts": event["ts"] - start} if "ts" in event else event for event in self._events]
         document = {"traceEvents": shifted, "displayTimeUnit": "ms", "otherData": {"began": start / 1e6}}
@@ -110,9 +110,9 @@ class Profile:
 
 @contextmanager
 def profiled(path: Path, *, show: Callable[[Profile], None]) -> Iterator[Path]:
-    """Trace what happens in the block into a file, also where it fails; yields the folder for the services' traces.
+    """Trace a block into a file, also if the block fails; yield the folder for the services' traces.
 
-    `show`: Called with the profile once it is written.
+    `show`: Called with the profile after the file is written.
     """
     with tempfile.TemporaryDirectory(prefix="duralab-trace-") as name:
         folder = Path(name)
@@ -132,16 +132,16 @@ def profiled(path: Path, *, show: Callable[[Profile], None]) -> Iterator[Path]:
 
 
 def _age_seconds() -> float:
-    """Return for how long this process has been there."""
+    """Return the age of this process in seconds."""
     if sys.platform == "linux":
-        # psutil's time of creation is off by up to a second: the kernel tells the time of the boot in whole seconds.
+        # psutil's creation time is off by up to 1 s, because the kernel gives the boot time in whole seconds.
         ticks = int(Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()[19])
         return time.clock_gettime(time.CLOCK_BOOTTIME) - ticks / os.sysconf("SC_CLK_TCK")
     return time.time() - psutil.Process().create_time()
 
 
 def _tracks(events: Sequence[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
-    """Give the spans of each thread, the outer one of two that begin together first."""
+    """Yield the spans of each thread by start time; of two with the same start, the outer one first."""
     tracks: dict[tuple[int, int], list[dict[str, Any]]] = {}
     for event in events:
         if event["ph"] == "X":
@@ -152,7 +152,7 @@ def _tracks(events: Sequence[dict[str, Any]]) -> Iterator[list[dict[str, Any]]]:
 
 
 def _own_time(track: Sequence[dict[str, Any]]) -> Iterator[Span]:
-    """Give the stretches of a thread in which a span is the innermost one."""
+    """Yield the periods of a thread in which a span is the innermost one."""
     open_spans: list[tuple[SpanKind, float]] = []
     at = 0.0
     for event in [*track, None]:

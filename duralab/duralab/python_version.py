@@ -1,13 +1,13 @@
-"""Check of the Python version, before anything is imported that another one could not read."""
+"""Check of the Python version, before the import of modules that an older Python cannot parse."""
 
 from __future__ import annotations
 
 OLDEST = (3, 11)
-"""First version that has everything the lab needs."""
+"""Oldest supported version."""
 
 
 def python_fault(version: tuple[int, ...]) -> str | None:
-    """Return what is wrong with a Python in one sentence; None where nothing is."""
+    """Return a sentence about a Python that is too old; None if it is supported."""
     if version >= OLDEST:
         return None
     found, oldest = ".".join(str(part) for part in version), ".".join(str(part) for part in OLDEST)

@@ -1,4 +1,4 @@
-"""Follow a lab: rig states, signal blocks and campaigns as they come, with nothing but Zenoh and the messages.
+"""Follow a lab live: rig states, signal blocks and campaigns, with only Zenoh and the generated messages.
 
 python examples/bare_zenoh/follow_events.py [ENDPOINT SECONDS]
 """
@@ -22,7 +22,7 @@ expected: dict[tuple[str, int], int] = {}
 
 
 def tell(sample: zenoh.Sample, kind: type) -> None:
-    """Print one message, and how many were lost before it: epoch and number are attached to each."""
+    """Print one message, and the number of messages lost before it; epoch and number are attached to each."""
     epoch, number = struct.unpack("<QQ", sample.attachment.to_bytes())
     key = str(sample.key_expr)
     lost = number - expected.get((key, epoch), number)

@@ -1,4 +1,4 @@
-"""List the rigs of a lab, with nothing but Zenoh and the generated messages; docs/contract.md says why it is so.
+"""List the rigs of a lab, with only Zenoh and the generated messages; docs/contract.md gives the reasons.
 
 python examples/bare_zenoh/list_rigs.py [ENDPOINT]
 """
@@ -19,7 +19,7 @@ config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')  # a peer without
 config.insert_json5("scouting/multicast/enabled", "false")
 
 with zenoh.open(config) as session:
-    time.sleep(1.5)  # a new session takes about a second to meet everyone
+    time.sleep(1.5)  # a new session takes about a second to find all members
     tokens = session.liveliness().get(f"{ROOT}/live/rig_sim/*")
     rigs = sorted({str(reply.ok.key_expr).rsplit("/", 1)[1] for reply in tokens if reply.ok is not None})
     for rig in rigs:

@@ -1,4 +1,4 @@
-"""Rehearse a campaign through drive and response files; a controller beside plays them on a simulated rig.
+"""Rehearse a campaign with drive and response files; a separate controller plays them on a simulated rig.
 
 python examples/file_exchange/rehearse.py [OUT]
 """
@@ -28,7 +28,7 @@ def main(out: Path) -> int:
         duralab.start(rigs=[SIMULATED, "predecessor"], out=out / "lab") as lab,
         file_gateway(path, lab.endpoints[0], folder=out / "gateway"),
     ):
-        # Late by 37.4 samples, 0.5 % too large, at another rate, in 16 bits: what a good controller does.
+        # A delay of 37.4 samples, a gain error of 0.5 %, another rate and 16 bits, as with a good controller.
         controller = FileController(
             controller_map,
             lambda drive: lab.play(SIMULATED, drive, seed=next(seeds)).response.samples,

@@ -54,7 +54,7 @@ def model_description(fmi: int) -> str:
 
 
 def compile_library(folder: Path) -> Path:
-    """Compile the source into a library that exports every function of both standards, those that are not used too."""
+    """Compile the source into a library that exports every function of both standards, also unused ones."""
     own = set(re.findall(r"\b(fmi[23]\w+)\(", SOURCE.read_text(encoding="utf-8")))
     declared = "".join((HEADERS / f"fmi{fmi}Functions.h").read_text(encoding="utf-8") for fmi in (2, 3))
     others = set(re.findall(r"#define (fmi[23][A-Z]\w+)\s", declared)) - own - {"fmi2Version", "fmi3Version"}

@@ -1,7 +1,7 @@
-"""Who may do what on the bus: one table beside the key space, from which the router's access control is made.
+"""Access rights on the bus: a table of the key space, from which the router's access control is made.
 
-The role of a member says what it may do, its rigs or its project on which keys (`members.py`). The table has a row for
-every key of the contract; a test holds it to the key space.
+A member's role determines the operations, its rigs or its project the keys (`members.py`). The table has a row for
+every key of the contract, which a test checks.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from duralab_proto.members import Member, Role
 
 
 class Operation(StrEnum):
-    """What can be done on a key."""
+    """Operation on a key."""
 
     ASK = "ask"
     """Send a query and receive its answer."""
     SERVE = "serve"
-    """Receive the queries on it and answer them."""
+    """Receive queries on it and answer them."""
     PUBLISH = "publish"
-    """Put messages on it."""
+    """Publish messages on it."""
     RECEIVE = "receive"
-    """Subscribe to what is published on it."""
+    """Subscribe to its messages."""
     HOLD = "hold"
     """Declare it as a liveliness token."""
     WATCH = "watch"
-    """See who holds it."""
+    """Watch the liveliness tokens on it."""
 
 
 class KeyKind(StrEnum):
-    """What travels on a key, and so which two operations it knows."""
+    """Kind of a key, which determines its two operations."""
 
     QUERY = "query"
     STREAM = "stream"
@@ -43,34 +43,34 @@ class KeyKind(StrEnum):
 
     @property
     def owner_operation(self) -> Operation:
-        """What its owners do."""
+        """Operation of its owners."""
         return _OPERATIONS[self][0]
 
     @property
     def user_operation(self) -> Operation:
-        """What the others do that may use it."""
+        """Operation of its users."""
         return _OPERATIONS[self][1]
 
 
 class Effect(StrEnum):
-    """What a query does to the lab, and so whether a client may ask it again after its connection was lost."""
+    """Effect of a query on the lab, which determines whether a client may repeat it after a lost connection."""
 
     READ = "read"
-    """Moves nothing and changes nothing: asked twice, it does no more than asked once."""
+    """Moves and changes nothing, so it may be repeated."""
     CHANGE = "change"
-    """Moves a rig, or starts, changes or stores something: never asked again."""
+    """Moves a rig, or starts, changes or stores something; never repeated."""
     STOP = "stop"
-    """Brings a rig to rest: never asked again, and open to every operator, also to one that is bound to other rigs."""
+    """Brings a rig to rest; never repeated, and allowed for every operator, also for one bound to other rigs."""
 
 
 READ_SECONDS: Final = 60.0
-"""Longest time, in seconds, to the answer of a read of what its service has in memory."""
+"""Longest time, in seconds, to the answer of a read from its service's memory."""
 
 LONG_READ_SECONDS: Final = 6 * 3600.0
-"""Longest time, in seconds, to the answer of a read for which its service computes or goes through recordings."""
+"""Longest time, in seconds, to the answer of a read for which its service computes or reads recordings."""
 
 WORK_SECONDS: Final = 30 * 24 * 3600.0
-"""Longest time, in seconds, to the answer of any query: a playback may wait for a person, and an experiment is many."""
+"""Longest time, in seconds, to the answer of any query: a playback may wait for a person."""
 
 _OPERATIONS: Final = {
     KeyKind.QUERY: (Operation.SERVE, Operation.ASK),
@@ -80,7 +80,7 @@ _OPERATIONS: Final = {
 
 
 class Slot(StrEnum):
-    """What a name in a key is the name of."""
+    """Kind of object that a name in a key refers to."""
 
     RIG = "rig"
     CAMPAIGN = "campaign"
@@ -93,30 +93,30 @@ class Slot(StrEnum):
 
 @dataclass(frozen=True)
 class KeyAccess:
-    """One row of the table.
+    """Row of the table.
 
     Parameters
     ----------
     method : str
-        The method of `Keys` that makes the key.
+        Method of `Keys` that makes the key.
     kind : KeyKind
-        What travels on it.
+        Kind of the key.
     names : tuple of str
-        Arguments of the method: a name, or a `Slot` where the row is about all names.
+        Arguments of the method: a name, or a `Slot` if the row is about all names.
     owners : tuple of Role
-        Who serves, publishes or holds it.
+        Roles that serve, publish or hold it.
     users : tuple of Role
-        Who asks, receives or watches it.
+        Roles that query, receive or watch it.
     suffix : str
-        What follows the key of the method.
+        Suffix after the key of the method.
     bulk : bool
         Whether a query on it may be larger than `SMALL_QUERY_BYTES`.
     effect : Effect or None
-        What a query on it does; None for what is not a query.
+        Effect of a query on it; None for a key without queries.
     any_project : bool
-        Whether it reads from every project: not for a member that is bound to one.
+        Whether it reads from every project, which is not allowed for a member bound to one.
     longest_seconds : float
-        Longest time to the answer of a query on it, where its client states none: see `longest_seconds_of`.
+        Longest time to the answer of a query on it, if its client states none; see `longest_seconds_of`.
     """
 
     method: str
@@ -163,7 +163,7 @@ class KeyAccess:
         return {}
 
 
-# Stands for any rest of a name, in Zenoh's key expressions.
+# Wildcard for the rest of a name in Zenoh's key expressions.
 _REST: Final = "$*"
 
 SMALL_QUERY_BYTES: Final = 1024 * 1024
@@ -204,9 +204,9 @@ _stops = partial(_asked, effect=Effect.STOP)
 
 
 def _streamed(method: str, *names: str, by: Role, to: tuple[Role, ...]) -> tuple[KeyAccess, ...]:
-    """Return the rows of a stream: itself, its replay and head, and the recorder's mark.
+    """Return the rows of a stream: the stream, its replay and head, and the recorder's mark.
 
-    A viewer may ask for no replay: one question is answered with up to a thousand messages.
+    A viewer may not request a replay, because one query is answered with up to a thousand messages.
     """
     repaired_for = tuple(role for role in to if role is not Role.VIEWER)
     replay, head = (
@@ -222,7 +222,7 @@ def _streamed(method: str, *names: str, by: Role, to: tuple[Role, ...]) -> tuple
 
 
 def _present(service: str, instance: str, role: Role) -> tuple[KeyAccess, ...]:
-    """Return the rows of a service's being there: its token, and how it is, for people and the check beside it."""
+    """Return the rows of a service's presence: its token, and its health, for people and the health check."""
     return (
         KeyAccess("live", KeyKind.LIVELINESS, (service, instance), (role,), ()),
         _reads("health", service, instance, served_by=role, by=EVERYONE),
@@ -235,7 +235,7 @@ _WRITERS: Final = (Role.ITERATOR, Role.SEQUENCER)
 _CAMPAIGNERS: Final = (Role.SEQUENCER, Role.OPERATOR)
 
 ACCESS: Final[tuple[KeyAccess, ...]] = (
-    # Rigs. Whoever commands one may stop it; to clear a latch is a person's decision.
+    # Rigs. A member that commands a rig may stop it; clearing a latch is a person's decision.
     _reads("rig_description", Slot.RIG, served_by=Role.RIG, by=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
     _reads_long("rig_frf", Slot.RIG, served_by=Role.RIG, by=(*_COMMANDERS, Role.VIEWER), bulk=True),
     _changes("rig_play", Slot.RIG, served_by=Role.RIG, by=_COMMANDERS, bulk=True),
@@ -245,7 +245,7 @@ ACCESS: Final[tuple[KeyAccess, ...]] = (
     *_streamed("rig_state", Slot.RIG, by=Role.RIG, to=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
     *_streamed("rig_signal", Slot.RIG, Slot.RUN, by=Role.RIG, to=(*_COMMANDERS, Role.RECORDER, Role.VIEWER)),
     *_streamed("rig_pose", Slot.RIG, by=Role.RIG, to=(Role.RECORDER, *_PEOPLE)),
-    # The identifier. An experiment moves a rig: not for who only watches.
+    # The identifier. An experiment moves a rig, so viewers are excluded.
     _changes("identify", Slot.RIG, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
     _reads_long("experiment_plan", served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
     _changes("identify_levels", Slot.RIG, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
@@ -253,7 +253,7 @@ ACCESS: Final[tuple[KeyAccess, ...]] = (
     _reads("model", Slot.MODEL, served_by=Role.IDENTIFIER, by=(Role.ITERATOR, *_PEOPLE), any_project=True),
     _reads_long("prediction", Slot.MODEL, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
     _reads_long("convergence", Slot.MODEL, served_by=Role.IDENTIFIER, by=_PLANNERS, bulk=True),
-    # The iterator. The sequencer has it correct the drive of an event.
+    # The iterator. The sequencer requests corrections of an event's drive.
     _changes("campaign_start", Slot.RIG, served_by=Role.ITERATOR, by=_CAMPAIGNERS, bulk=True),
     _reads("campaign", Slot.CAMPAIGN, served_by=Role.ITERATOR, by=(Role.SEQUENCER, *_PEOPLE)),
     _stops("campaign_stop", Slot.CAMPAIGN, served_by=Role.ITERATOR, by=_CAMPAIGNERS),
@@ -261,7 +261,7 @@ ACCESS: Final[tuple[KeyAccess, ...]] = (
     _changes("campaign_decide", Slot.CAMPAIGN, Slot.RIG, served_by=Role.ITERATOR, by=(Role.OPERATOR,), bulk=True),
     *_streamed("campaign_event", Slot.CAMPAIGN, by=Role.ITERATOR, to=(Role.RECORDER, *_PEOPLE)),
     _changes("pre_test", Slot.RIG, served_by=Role.ITERATOR, by=(Role.OPERATOR,)),
-    # The sequencer. To hold an endurance test brings its rig to rest, as to stop it does.
+    # The sequencer. Holding an endurance test brings its rig to rest, as stopping it does.
     _changes("endurance_start", Slot.RIG, served_by=Role.SEQUENCER, by=(Role.OPERATOR,), bulk=True),
     _reads("endurance", Slot.CAMPAIGN, served_by=Role.SEQUENCER, by=_PEOPLE),
     _stops("endurance_stop", Slot.CAMPAIGN, served_by=Role.SEQUENCER, by=(Role.OPERATOR,)),
@@ -269,7 +269,7 @@ ACCESS: Final[tuple[KeyAccess, ...]] = (
     _changes("endurance_resume", Slot.CAMPAIGN, Slot.RIG, served_by=Role.SEQUENCER, by=(Role.OPERATOR,)),
     _changes("endurance_decide", Slot.CAMPAIGN, Slot.RIG, served_by=Role.SEQUENCER, by=(Role.OPERATOR,)),
     *_streamed("endurance_event", Slot.CAMPAIGN, by=Role.SEQUENCER, to=(Role.RECORDER, *_PEOPLE)),
-    # The recorder. Only iterator and sequencer write; to verify reads whole files, which costs.
+    # The recorder. Only iterator and sequencer write; verification reads whole files, which is expensive.
     _changes("commit", served_by=Role.RECORDER, by=_WRITERS, bulk=True),
     _reads_long("recordings", served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE), any_project=True),
     _reads_long("project_recordings", Slot.PROJECT, served_by=Role.RECORDER, by=_PEOPLE),
@@ -278,19 +278,19 @@ ACCESS: Final[tuple[KeyAccess, ...]] = (
     _reads_long("recording_steps", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(*_WRITERS, *_PEOPLE)),
     _reads_long("recording_signals", Slot.CAMPAIGN, served_by=Role.RECORDER, by=_PEOPLE),
     _reads_long("recording_verify", Slot.CAMPAIGN, served_by=Role.RECORDER, by=(Role.OPERATOR,)),
-    # Who is there: each holds its own, everyone sees all of them.
+    # Presence: each service holds its token, every member sees all tokens.
     *_present("rig_sim", Slot.RIG, Role.RIG),
     *_present("identifier", MAIN_INSTANCE, Role.IDENTIFIER),
     *_present("iterator", MAIN_INSTANCE, Role.ITERATOR),
     *_present("sequencer", MAIN_INSTANCE, Role.SEQUENCER),
     *_present("recorder", MAIN_INSTANCE, Role.RECORDER),
-    # A client of the lab, with an operator's certificate of its own.
+    # A client of the lab, with a separate operator's certificate.
     *_present("operator_page", MAIN_INSTANCE, Role.OPERATOR),
     KeyAccess("live", KeyKind.LIVELINESS, (Slot.OTHER, Slot.OTHER), (), EVERYONE),
-    # Who waits for an answer: held by all, seen by those who answer.
+    # Waiting clients: held by all roles, watched by the services.
     KeyAccess("asking", KeyKind.LIVELINESS, (Slot.OTHER,), EVERYONE, _SERVICES),
 )
-"""Who may do what. What stands in no row is forbidden to all."""
+"""Table of access rights; an operation in no row is forbidden."""
 
 
 def permits(member: Member, operation: Operation, key: str, keys: Keys) -> bool:
@@ -299,46 +299,46 @@ def permits(member: Member, operation: Operation, key: str, keys: Keys) -> bool:
     Parameters
     ----------
     member : Member
-        Whose certificate it is.
+        Member, from its certificate.
     operation : Operation
-        What.
+        Operation to check.
     key : str
-        A key or key expression; one outside the contract is forbidden to all.
+        Key or key expression; one outside the contract is forbidden to all.
     keys : Keys
-        Of the lab.
+        Keys of the lab.
     """
     return any(covers(expression, key) for row in ACCESS for expression in row.expressions(member, operation, keys))
 
 
 def effect_of(key: str, keys: Keys) -> Effect:
-    """Return what a query does to the lab; a query outside the contract is taken for a change.
+    """Return the effect of a query on the lab; a query outside the contract counts as a change.
 
     Parameters
     ----------
     key : str
         A key without wildcards.
     keys : Keys
-        Of the lab.
+        Keys of the lab.
     """
     return next((row.effect for row in _query_rows(key, keys.lab) if row.effect is not None), Effect.CHANGE)
 
 
 def longest_seconds_of(key: str, keys: Keys) -> float:
-    """Return the longest time to the answer of a query, in seconds, however often its service reports progress.
+    """Return the longest time to the answer of a query, in seconds, regardless of progress reports.
 
-    A bus holds memory of a query until then, also when it is answered: so what is asked often has a short one.
+    A bus keeps the memory of a query until then, also after its answer, so frequent queries have a short time.
 
     Parameters
     ----------
     key : str
         A key without wildcards.
     keys : Keys
-        Of the lab.
+        Keys of the lab.
     """
     return max((row.longest_seconds for row in _query_rows(key, keys.lab)), default=WORK_SECONDS)
 
 
-# A client asks the same few keys all the time, and twice for each query.
+# A client uses the same few keys repeatedly, and twice for each query.
 @lru_cache(maxsize=256)
 def _query_rows(key: str, lab: str) -> tuple[KeyAccess, ...]:
     keys = Keys(lab)

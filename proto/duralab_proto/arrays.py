@@ -1,4 +1,4 @@
-"""Arrays and records between numpy and the contract: checked on the way in, without a copy of the elements."""
+"""Conversion of arrays and records between numpy and the contract; input is checked, and elements are not copied."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ _DTYPES: Final[dict[array_pb2.ElementType, np.dtype]] = {
 _ELEMENT_TYPES: Final = {dtype: element_type for element_type, dtype in _DTYPES.items()}
 
 LARGEST_RANK: Final = 8
-"""Most axes of an Array; the contract needs three, and numpy itself stops at 64."""
+"""Largest number of axes of an Array; the contract needs three, and numpy allows 64."""
 
 
 class ArrayError(ValueError):
-    """An Array or Record that is not what it should be.
+    """An Array or Record is not valid.
 
     Parameters
     ----------
     message : str
-        One sentence: what was wrong with which value, and what is allowed.
+        One sentence: the wrong value, and what is allowed.
     field : str
-        Path of the message's field that was wrong, e.g. "drive.samples".
+        Path of the wrong field of the message, e.g. "drive.samples".
     """
 
     def __init__(self, message: str, *, field: str) -> None:
@@ -51,12 +51,12 @@ def to_array(values: np.ndarray) -> array_pb2.Array:
     Returns
     -------
     array_pb2.Array
-        The elements in C order, little-endian.
+        Array with the elements in C order, little-endian.
 
     Raises
     ------
     ArrayError
-        The contract has no such element type, or too many axes.
+        The contract has no such element type, or `values` has too many axes.
     """
     message = array_pb2.Array()
     _fill(message, values)
@@ -88,15 +88,15 @@ def from_array(
     Parameters
     ----------
     message : array_pb2.Array
-        What was received; nothing in it is trusted.
+        Received message; nothing in it is trusted.
     field : str
         Path of the field that holds it, for the error.
     shape : sequence of int or None, optional
-        Expected length of each axis; None where any length is allowed.
+        Expected length of each axis; None for any length.
     dtype : dtype-like, optional
-        Expected element type; any of the contract's where not given.
+        Expected element type; any of the contract's if not given.
     finite : bool
-        Refuse NaN and infinities.
+        Whether to refuse NaN and infinities.
 
     Returns
     -------
@@ -167,18 +167,18 @@ def to_record(
     Parameters
     ----------
     channels : iterable of array_pb2.Channel
-        One for each row of `samples`.
+        Channels, one for each row of `samples`.
     sample_rate : float
         Samples per second, in hertz, greater than 0.
     samples : np.ndarray, shape (channels, samples)
-        float64, each row in its channel's unit.
+        Samples as float64, each row in its channel's unit.
     into : array_pb2.Record, optional
-        An empty one in a larger message: a record handed to the constructor of that would be copied.
+        Empty record in a larger message, to avoid the copy that the larger message's constructor would make.
 
     Returns
     -------
     array_pb2.Record
-        As it goes over the bus.
+        Message for the bus.
 
     Raises
     ------
@@ -201,16 +201,16 @@ def from_record(
     Parameters
     ----------
     record : array_pb2.Record
-        What was received; nothing in it is trusted.
+        Received message; nothing in it is trusted.
     field : str
         Path of the field that holds it, for the error.
 
     Returns
     -------
     channels : list of array_pb2.Channel
-        With distinct, non-empty names.
+        Channels with distinct, non-empty names.
     sample_rate : float
-        In hertz, finite and greater than 0.
+        Sample rate in hertz, finite and greater than 0.
     samples : np.ndarray, shape (channels, samples)
         float64, finite, a read-only view; each row in its channel's unit.
 
@@ -249,7 +249,7 @@ def _check_record(record: array_pb2.Record, samples: np.ndarray, *, field: str) 
 
 
 class SamplesHash:
-    """SHA-256 of the samples of a run in whatever blocks: one sample after the other, drives then responses."""
+    """SHA-256 of the samples of a run, independent of blocks: sample by sample, drives then responses."""
 
     def __init__(self) -> None:
         self._digest = hashlib.sha256()
@@ -268,12 +268,12 @@ class SamplesHash:
         self._digest.update(rows.data)
 
     def hexdigest(self) -> str:
-        """Return the hash of what was added so far, 64 hexadecimal digits."""
+        """Return the hash of the samples added so far, 64 hexadecimal digits."""
         return self._digest.hexdigest()
 
 
 def samples_hash(drive: np.ndarray, response: np.ndarray) -> str:
-    """Return the hash of the samples of a run, as a step names them.
+    """Return the hash of the samples of a run, as stored in a step.
 
     Parameters
     ----------

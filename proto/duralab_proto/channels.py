@@ -1,4 +1,4 @@
-"""What follows from a channel's description: the unit of its kind, and a calibration that is overdue."""
+"""Values derived from a channel's description: the unit of its kind, and an overdue calibration."""
 
 from __future__ import annotations
 
@@ -33,15 +33,15 @@ def overdue_calibrations(channels: Iterable[array_pb2.Channel], *, today: date) 
     Parameters
     ----------
     channels : iterable of array_pb2.Channel
-        Of a rig; those without a sensor, or without a due date, have nothing to say.
+        Channels of a rig; those without a sensor or a due date give no sentence.
     today : date
-        The day that counts.
+        Present date.
 
     Returns
     -------
     list of str
-        In the order of the channels; names channel, serial number and days. A due date that is not a date is named too:
-        it may be overdue.
+        Sentences in the order of the channels, with channel, serial number and days. A due date that is not a date is
+        reported too, because it may be overdue.
     """
     sentences = []
     for channel in channels:

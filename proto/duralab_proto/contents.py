@@ -1,4 +1,4 @@
-"""Hash of a model's content, which is its id: proof that a stored model is whole."""
+"""Hash of a model's content, which is its id and proves that a stored model is complete."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ def content_hash(message: identifier_pb2.Model) -> str:
     Parameters
     ----------
     message : Model
-        Not changed.
+        Model, which is not changed.
 
     Returns
     -------
     str
-        64 hexadecimal digits: of the message serialised in the order of its field numbers, the id left out.
+        64 hexadecimal digits, of the message serialised in the order of its field numbers, without the id.
     """
     bare = identifier_pb2.Model()
     bare.CopyFrom(message)

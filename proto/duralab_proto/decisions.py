@@ -1,4 +1,4 @@
-"""What decisions at hold points make of a campaign's specification."""
+"""Effect of decisions at hold points on a campaign's specification."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from duralab_proto.v1 import iterator_pb2
 def decisions_in_force(
     decisions: Iterable[iterator_pb2.Decision], proposals: Iterable[iterator_pb2.Proposal]
 ) -> list[iterator_pb2.Decision]:
-    """Return the decisions that count: not those on a proposal that another one took the place of after a crash.
+    """Return the valid decisions, without those on a proposal that was replaced after a crash.
 
     Parameters
     ----------
     decisions : iterable of Decision
-        Of a recording, in its order.
+        Decisions of a recording, in its order.
     proposals : iterable of Proposal
-        All of that recording.
+        All proposals of that recording.
 
     Returns
     -------
     list of Decision
-        In the same order.
+        Valid decisions in the same order.
     """
     replaced = [range(proposal.replaces, proposal.number) for proposal in proposals if proposal.replaces]
     return [decision for decision in decisions if not any(decision.proposal in numbers for numbers in replaced)]
@@ -31,19 +31,19 @@ def decisions_in_force(
 def revised_specification(
     specification: iterator_pb2.CampaignSpec, *decisions: iterator_pb2.Decision
 ) -> iterator_pb2.CampaignSpec:
-    """Return what a campaign does after decisions.
+    """Return the specification of a campaign after decisions.
 
     Parameters
     ----------
     specification : CampaignSpec
-        As it was before them; not changed.
+        Specification before the decisions; not changed.
     *decisions : Decision
-        In their order; those that change no settings leave it as it is.
+        Decisions in their order; those without changed settings have no effect.
 
     Returns
     -------
     CampaignSpec
-        A copy with the update, the control band and the campaign file of the last ones that give them.
+        Copy with the update, the control band and the campaign file of the last decisions that give them.
     """
     revised = iterator_pb2.CampaignSpec()
     revised.CopyFrom(specification)

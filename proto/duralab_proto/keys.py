@@ -1,7 +1,7 @@
-"""The key space: every key of the contract, made and taken apart as pure strings.
+"""Key space: functions that make and parse every key of the contract as strings.
 
-All keys stand under `duralab/v1/<lab>/`. A method given "*" for a name returns a key expression that matches every
-name; names that users choose are checked here, so that none of them can reach beyond its own place in the key space.
+All keys begin with `duralab/v1/<lab>/`. A method given "*" for a name returns a key expression that matches every
+name; user-chosen names are checked here, so that none of them can reach another part of the key space.
 """
 
 from __future__ import annotations
@@ -15,13 +15,13 @@ PREFIX: Final = "duralab/v1"
 """First chunks of every key: the project and the version of the contract."""
 
 ANY: Final = "*"
-"""Stands for any one name in a key expression."""
+"""Wildcard for any one name in a key expression."""
 
 ANY_DEPTH: Final = "**"
-"""Stands for any number of chunks in a key expression."""
+"""Wildcard for any number of chunks in a key expression."""
 
 LONGEST_NAME: Final = 120
-"""Most characters of a name; names become parts of file names."""
+"""Largest number of characters of a name; names become parts of file names."""
 
 _LAB = re.compile(r"[a-z0-9_-]+")
 _RIG = re.compile(r"[a-z0-9][a-z0-9_]*")
@@ -33,13 +33,13 @@ _IDENTIFIER_RULE = "lower case letters, digits, '-' and '_', starting with a let
 _RUN_RULE = "lower case letters, digits, '-', '_' and '.', starting with a letter or digit"
 
 MAIN_INSTANCE: Final = "main"
-"""Instance of every service of which a lab has one."""
+"""Instance name of every service of which a lab has one."""
 
 _RESERVED_IDENTIFIERS: Final = frozenset({"start", "list"})
 
 
 class KeyNameError(ValueError):
-    """A name that no key may hold, or a key that names nothing of the kind; the message is one sentence."""
+    """A name is not allowed in a key, or a key does not name such an object; the message is one sentence."""
 
 
 def _check(name: str, pattern: re.Pattern[str], *, what: str, rule: str) -> str:
@@ -75,7 +75,7 @@ def check_project(name: str) -> str:
 
 
 def in_project(id: str, project: str) -> bool:
-    """Return whether a campaign or recording is of a project: its id is the project's name, or that, '-' and more."""
+    """Return whether a campaign or recording is of a project: its id is the project's name, or begins with it and -."""
     return id == project or id.startswith(f"{project}-")
 
 
@@ -87,8 +87,8 @@ def _or_any(name: str, check: Callable[[str], str]) -> str:
 class Keys:
     """The keys of one lab.
 
-    Every method takes the names that stand in the key, each of which may be "*", and returns the full key. A name
-    that the contract does not allow raises ValueError with one sentence.
+    Every method takes the names in the key, each of which may be "*", and returns the full key. A name that the
+    contract does not allow raises ValueError with one sentence.
 
     Parameters
     ----------
@@ -112,7 +112,7 @@ class Keys:
         return self._rig(rig, "description")
 
     def rig_frf(self, rig: str) -> str:
-        """Query: RigFrfRequest → RigFrf, where the rig knows its FRF in closed form."""
+        """Query: RigFrfRequest → RigFrf, for a rig with its FRF in closed form."""
         return self._rig(rig, "frf")
 
     def rig_play(self, rig: str) -> str:
@@ -268,12 +268,12 @@ class Keys:
         return self._key("asking", _or_any(query, check_id))
 
     def within(self, key: str) -> str:
-        """Return a key of this lab without what all of them begin with, e.g. "rig/front_axle/play"."""
+        """Return a key of this lab without the common prefix, e.g. "rig/front_axle/play"."""
         return key.removeprefix(f"{PREFIX}/{self.lab}/")
 
 
 def _chunks(key: str) -> tuple[str, list[str]]:
-    """Split a key into its lab and what follows it."""
+    """Split a key into its lab and the chunks after it."""
     chunks = key.split("/")
     if "/".join(chunks[:2]) != PREFIX or len(chunks) < 4 or "" in chunks:
         raise KeyNameError(f"The key {key!r} is not of the contract, whose keys are '{PREFIX}/<lab>/…'.")
@@ -317,9 +317,10 @@ def run_of(key: str) -> str:
 
 
 def stream_family(key: str) -> str:
-    """Return the expression of the streams that follow one another on keys like this one.
+    """Return the key expression of all streams of this key's kind.
 
-    A service publishes a stream for each run or campaign, without end: "*" stands for it. Any other key stays as it is.
+    A service publishes a stream for each run or campaign, so that the number has no limit: "*" replaces its name. Any
+    other key is unchanged.
     """
     family = key.rpartition("/")[0]
     match family.removeprefix(f"{PREFIX}/").split("/"):
@@ -375,7 +376,7 @@ def serving(key: str) -> str:
     Raises
     ------
     ValueError
-        The key belongs to no service.
+        No service answers the key.
     """
     lab, rest = _chunks(key)
     match rest:

@@ -1,7 +1,7 @@
-"""Members of a secured lab: who holds a certificate, in which role, for which rigs or which project.
+"""Members of a secured lab: holders of certificates, with their roles, and rigs or project.
 
-A certificate's common name is `<role>.<name>`. What its holder is bound to stands beside it in the certificate, as URIs
-among the alternative names, so that a session knows what the router will let it do.
+A certificate's common name is `<role>.<name>`. The holder's rigs or project are URIs in its alternative names, so that
+a session can derive its rights at the router.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from duralab_proto.keys import KeyNameError, check_project, check_rig
 
 
 class Role(StrEnum):
-    """What a holder of a certificate is in the lab."""
+    """Role of a certificate's holder in the lab."""
 
     RIG = "rig"
     """Plays drives: the simulation, or the gateway to a real rig."""
@@ -27,14 +27,14 @@ class Role(StrEnum):
     OPERATOR = "operator"
     """A person or script that runs the lab: plays, starts and stops campaigns, clears latches."""
     VIEWER = "viewer"
-    """A person or script that only watches."""
+    """A person or script with read access only."""
 
 
 ROUTER: Final = "router"
-"""Role of the router's own certificate; no client may use it."""
+"""Role of the router's certificate; no client may use it."""
 
 ADMIN: Final = "admin"
-"""Role that reads the router's metrics, from the router's own machine only."""
+"""Role that reads the router's metrics, from the router's machine only."""
 
 MEMBER_ROLES: Final = (*(role.value for role in Role), ROUTER, ADMIN)
 
@@ -43,23 +43,23 @@ _BINDING: Final = "urn:duralab:"
 
 
 class MemberError(ValueError):
-    """A value that names no member of a lab; the message is one sentence."""
+    """A value does not name a member of a lab; the message is one sentence."""
 
 
 @dataclass(frozen=True)
 class Member:
-    """One member of a lab, the holder of one certificate.
+    """Member of a lab, the holder of one certificate.
 
     Parameters
     ----------
     role : str
-        A `Role`, or what else holds certificates: the router itself, and who reads its metrics on its own machine.
+        A `Role`, `ROUTER`, or `ADMIN`, the reader of the router's metrics on the router's machine.
     name : str
-        Lower case letters, digits, '-' and '_', at most 58 characters.
+        Name in lower case letters, digits, '-' and '_', at most 58 characters.
     rigs : tuple of str
-        Rigs that a member of role rig speaks for, at least one; rigs that an operator may move, all where empty.
+        Rigs that a member of role rig serves, at least one; rigs that an operator may move, all if empty.
     project : str
-        Project whose recordings and campaigns a viewer may read; of all where empty.
+        Project whose recordings and campaigns a viewer may read; all projects if empty.
     """
 
     role: str
@@ -97,12 +97,12 @@ class Member:
 
     @property
     def common_name(self) -> str:
-        """`<role>.<name>`."""
+        """Common name, `<role>.<name>`."""
         return f"{self.role}.{self.name}"
 
     @property
     def bindings(self) -> tuple[str, ...]:
-        """URIs in the certificate that say what the member is bound to."""
+        """URIs in the certificate with the member's rigs or project."""
         rigs = tuple(f"{_BINDING}rig:{rig}" for rig in self.rigs)
         return (*rigs, f"{_BINDING}project:{self.project}") if self.project else rigs
 
@@ -115,12 +115,12 @@ class Member:
         common_name : str
             `<role>.<name>`.
         bindings : iterable of str
-            URIs as `bindings` returns them.
+            URIs, as in the property `bindings`.
 
         Raises
         ------
         MemberError
-            It is not `<role>.<name>`, or a URI is not a binding of that role.
+            `common_name` is not `<role>.<name>`, or a URI is not a binding of that role.
         """
         role, dot, name = common_name.partition(".")
         if not dot:

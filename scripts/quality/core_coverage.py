@@ -1,7 +1,7 @@
-"""Lines of the pure cores that their unit tests run: a table, and an error where a core has less than nine tenths.
+"""Line coverage of the pure cores by their unit tests: a table, and an error if a core has less than nine tenths.
 
-A module that imports `duralab_bus` talks to the bus. It belongs to a service's thin shell, is tested by processes on a
-real bus, and does not count here; neither do the tests that need one (`*_on_the_bus.py`).
+A module that imports `duralab_bus` is part of a service's thin shell, which is tested by processes on a real bus. It
+does not count here, nor do the tests that need a bus (`*_on_the_bus.py`).
 """
 
 from __future__ import annotations
@@ -22,16 +22,16 @@ LEAST_PERCENT = 90.0
 
 @dataclass(frozen=True)
 class Core:
-    """A package whose lines are counted, and where its unit tests are.
+    """Package whose lines are counted, with its unit tests.
 
     Parameters
     ----------
     package : str
-        As it is imported.
+        Name of the package.
     folder : str
-        Of its sources.
+        Folder of its sources.
     tests : tuple of str
-        Folders or patterns of files.
+        Folders or file patterns of its tests.
     """
 
     package: str
@@ -58,7 +58,7 @@ CORES = {
         for name in ("identifier", "iterator", "rig_sim")
     },
     "motion": Core(
-        # By its parent, which coverage finds without an import: of numpy there is one in a process.
+        # Named by its parent, which coverage finds without an import; numpy can be imported only once in a process.
         "duralab_gateway",
         "libs/gateway/duralab_gateway/motion",
         (
@@ -88,7 +88,7 @@ CORES = {
 
 
 def main() -> int:
-    """Measure the cores asked for; return 1 where one has too few lines run."""
+    """Measure the given cores; return 1 if the coverage of one is too low."""
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("cores", nargs="*", metavar="CORE", help=f"of {', '.join(CORES)}; all where none is named")
     asked.add_argument("--lines", action="store_true", help="name the lines that no test runs")
@@ -113,7 +113,7 @@ def main() -> int:
 
 
 def _measured(core: Core) -> dict[str, dict]:
-    """Run the unit tests of a core; return what coverage says of each of its pure modules."""
+    """Run the unit tests of a core; return the coverage of each of its pure modules."""
     with tempfile.TemporaryDirectory() as folder:
         report = Path(folder, "report.json")
         command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", "--ignore-glob=*_on_the_bus.py"]

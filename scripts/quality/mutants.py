@@ -1,4 +1,4 @@
-"""The small changes that mutation testing makes to a module, and the loader that puts one in the module's place."""
+"""Small changes of modules for mutation testing, and the loader that replaces a module by a mutant."""
 
 from __future__ import annotations
 
@@ -40,23 +40,23 @@ _OTHER_NAME = {
     "zeros_like": "ones_like",
 }
 _NOTHING = ("conj", "copy", "abs", "sqrt")
-"""Functions of one value that are left out: the value stays as it was."""
+"""Functions of one value that a mutant omits, so that the value is unchanged."""
 
 
 @dataclass(frozen=True)
 class Mutant:
-    """One change of one module.
+    """Change of a module.
 
     Parameters
     ----------
     path : Path
-        The module's file.
+        File of the module.
     number : int
-        Of the change, counted through the file from 0.
+        Number of the change in the file, from 0.
     line : int
-        Where it is.
+        Line of the change.
     change : str
-        What was there, and what is there now.
+        Old and new code.
     """
 
     path: Path
@@ -66,7 +66,7 @@ class Mutant:
 
 
 def mutants(path: Path) -> list[Mutant]:
-    """Return all changes of a file, in the order in which they stand there."""
+    """Return all possible changes of a file, in order."""
     walk = _Changer(path, wanted=-1)
     walk.visit(ast.parse(path.read_text(encoding="utf-8")))
     return walk.found
@@ -79,7 +79,7 @@ def mutated(mutant: Mutant) -> ast.Module:
 
 
 def install(mutant: Mutant, module: str) -> None:
-    """Let the next import of a module, not yet imported, find the mutant."""
+    """Make the next import of a module, which must not be imported yet, find the mutant."""
     if module in sys.modules:
         raise RuntimeError(f"{module} was imported already; the mutant would not be seen.")
     sys.meta_path.insert(0, _Finder(module, mutant))
@@ -107,7 +107,7 @@ class _Loader(SourceFileLoader):
 
 
 class _Changer(ast.NodeTransformer):
-    """Counts the changes and makes the one wanted; what is said in errors and annotations is left alone."""
+    """Transformer that counts the changes and makes the wanted one; errors and annotations are not changed."""
 
     def __init__(self, path: Path, *, wanted: int) -> None:
         self._path, self._wanted = path, wanted

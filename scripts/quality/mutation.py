@@ -1,7 +1,7 @@
-"""Mutation testing: change one small thing in a module, run the module's tests, and name what no test noticed.
+"""Mutation testing: make a small change in a module, run the module's tests, and report undetected changes.
 
-No file is changed: a child that was forked before anything of the project was imported puts the mutant in the module's
-place and runs pytest. What was tried is drawn with a seed, so that a figure can be had again.
+No file is changed: a child, forked before any import of the project, replaces the module by the mutant and runs pytest.
+The mutants are drawn with a seed, so that results can be reproduced.
 """
 
 from __future__ import annotations
@@ -22,19 +22,19 @@ from mutants import Mutant, install, mutants
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "out" / "mutation.json"
 SPARE_SECONDS = 30
-"""Processor time that a mutant gets beyond three times what all tests take without a change."""
+"""Extra processor time of a mutant, beyond three times the time of all tests without a change."""
 
 
 @dataclass(frozen=True)
 class Area:
-    """Modules that are mutated, and the tests that should notice.
+    """Modules to mutate, and the tests that should detect the mutants.
 
     Parameters
     ----------
     root : str
-        The folder of the distribution, where its package begins.
+        Folder of the distribution, which contains its package.
     modules : tuple of str
-        Patterns below it.
+        Patterns of the modules below it.
     tests : tuple of str
         Names of test files in its `tests`, the quickest first, without `test_` and `.py`.
     """
@@ -97,7 +97,7 @@ AREAS = {
 
 
 def main() -> int:
-    """Try mutants of the areas asked for; that some survive is a finding, not a failure."""
+    """Test mutants of the given areas; surviving mutants are findings, not failures."""
     asked = argparse.ArgumentParser(description=__doc__)
     asked.add_argument("areas", nargs="*", metavar="AREA", help=f"of {', '.join(AREAS)}; all where none is named")
     asked.add_argument("--sample", type=int, default=30, help="mutants of each area (30)")
@@ -139,7 +139,7 @@ def _try(name: str, area: Area, *, sample: int, seed: int, only: list[dict] | No
 
 
 def _tested(area: Area, *, mutant: Mutant | None, seconds: float) -> tuple[int, float]:
-    """Run the tests of an area in a child; return what pytest ended with, or a signal, and its processor time."""
+    """Run the tests of an area in a child; return pytest's exit code, or a signal, and its processor time."""
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     child = os.fork()
     if child == 0:

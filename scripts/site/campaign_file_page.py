@@ -18,7 +18,7 @@ _LENGTHS = {"minItems": "at least {} of them", "maxItems": "at most {} of them"}
 
 
 def campaign_file_page() -> str:
-    """Return the page: every key of every section, with its type, its default and what is allowed."""
+    """Return the page: every key of every section, with type, default and allowed values."""
     schema = Campaign.model_json_schema(by_alias=True)
     definitions = schema["$defs"]
     parts = [

@@ -1,6 +1,6 @@
-"""Draw the state diagram of a rig and the sequence diagrams of its calls, which docs/contract.md shows.
+"""Draw the state diagram of a rig and the sequence diagrams of its calls for docs/contract.md.
 
-`python scripts/site/contract_pictures.py [--out docs/pictures]`. What is new gets a line in the tables.
+`python scripts/site/contract_pictures.py [--out docs/pictures]`. Add new states and messages to the tables.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ TRANSITIONS: Final = {
 
 
 class Step(NamedTuple):
-    """One message of a sequence, or where sender and receiver are the same, what that one does."""
+    """Message of a sequence; if sender and receiver are equal, an action of that participant."""
 
     sender: str
     receiver: str
@@ -157,7 +157,7 @@ def _box(x: float, y: float, title: str, line: str, *, red: bool) -> list[str]:
     ]
 
 
-# Ways of the arrows and places of their labels, where they are not straight between two neighbours.
+# Paths of arrows and positions of their labels, for arrows that are not straight between two neighbours.
 _WAYS: Final = {
     ("playing", "idle"): ("M 760 42 C 700 -10, 250 -10, 180 40", (470, 20)),
     ("ramping down", "idle"): ("M 1110 118 C 1090 215, 300 215, 210 120", (330, 206)),
@@ -205,7 +205,7 @@ def sequence_diagram(name: str) -> str:
             )
             parts += _text(start, y + 4, step.text)
             continue
-        # Beside the lifeline that it passes, for which it is not meant.
+        # The label is beside the crossed lifeline, which is not the receiver.
         parts += [_arrow(f"M {start} {y + 6} L {end + (-3 if end > start else 3)} {y + 6}", answer=step.answer)]
         near = end if abs(end - start) == _COLUMN else start + (_COLUMN if end > start else -_COLUMN)
         parts += _text((start + near) / 2, y - 2, step.text)

@@ -16,12 +16,12 @@ def with_equations(page: str) -> str:
     Parameters
     ----------
     page : str
-        HTML in which equations stand as `pymdownx.arithmatex` leaves them.
+        HTML with equations in the output form of `pymdownx.arithmatex`.
 
     Returns
     -------
     str
-        The same with `math` elements.
+        HTML with `math` elements.
     """
     return _EQUATION.sub(_mathml, page)
 

@@ -1,4 +1,4 @@
-"""What a fence says besides its language, made readable: the name of a file, an exit code, why it is not run."""
+"""Titles for the options of a fence: the name of a file, an exit code, the reason why it is not run."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ _TITLES = (
 
 
 def with_titles(markdown: str) -> str:
-    """Return a page with what its fences are told turned into titles, which a reader sees.
+    """Return a page with the options of its fences converted to visible titles.
 
     Parameters
     ----------
     markdown : str
-        With fences as `tests/documented.py` reads them.
+        Page with fences in the form of `tests/documented.py`.
 
     Returns
     -------
     str
-        With fences as `pymdownx.superfences` reads them.
+        Page with fences in the form of `pymdownx.superfences`.
     """
     return _FENCE.sub(_titled, markdown)
 

@@ -1,4 +1,4 @@
-"""What MkDocs does besides for this site: pages made from code, links into the repository, equations as MathML."""
+"""MkDocs hooks of this site: pages made from code, links into the repository, equations as MathML."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ SOURCES = SourcePages(ROOT)
 
 
 def on_config(config: MkDocsConfig) -> None:
-    """Put the pages of a folder where `nav` names the folder, those that it names elsewhere left out."""
+    """Replace a folder in `nav` by its pages, except those that `nav` names elsewhere."""
     docs = Path(config.docs_dir)
     named = _pages_named(config.nav)
 
@@ -58,7 +58,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
-    """Turn links into the repository into links to its source pages, and what a fence is told into its title."""
+    """Convert links into the repository to links to its source pages, and options of fences to titles."""
     return with_titles(SOURCES.with_links(markdown, page.file.src_uri))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Final
 
 NOTEBOOKS: Final = "tutorials/notebooks"
-"""Folder of the notebooks in `docs`; its pages stand where `nav` names it."""
+"""Folder of the notebooks in `docs`; its pages are at its position in `nav`."""
 
 
 def notebook_pages(docs: Path) -> dict[str, str | bytes]:

@@ -1,4 +1,4 @@
-"""The SDK's reference: every public name of `duralab` and of the packages beside it, from their docstrings."""
+"""The SDK's reference: every public name of `duralab` and of its public subpackages, from the docstrings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from importlib import import_module
 from types import ModuleType
 
 PACKAGES = ("duralab", "duralab.formats", "duralab.target")
-"""What a script imports."""
+"""Packages that scripts import."""
 
 
 def python_page() -> str:

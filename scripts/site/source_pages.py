@@ -20,16 +20,16 @@ _LANGUAGES = {
 _LANGUAGES |= {".mjs": "javascript", ".ts": "typescript", ".rs": "rust", ".sh": "bash", ".json": "json"}
 
 FOLDERS = {"proto/duralab/v1": "reference/messages.md"}
-"""Folders of the repository that a generated page stands for."""
+"""Folders of the repository that a generated page represents."""
 
 
 class SourcePages:
-    """Which page of the site shows which file of the repository.
+    """Mapping of the repository's files to pages of the site.
 
     Parameters
     ----------
     root : Path
-        The repository.
+        Folder of the repository.
     """
 
     def __init__(self, root: Path) -> None:
@@ -70,14 +70,14 @@ class SourcePages:
         Parameters
         ----------
         markdown : str
-            Of the page.
+            Markdown of the page.
         name : str
-            Of the page in the site.
+            Name of the page in the site.
 
         Returns
         -------
         str
-            With links to pages of the site only.
+            Markdown with links to pages of the site only.
         """
         origin = self._file_of.get(name, f"docs/{name}")
 
@@ -103,7 +103,7 @@ class SourcePages:
         return path
 
     def _outside(self, origin: str, target: str) -> str:
-        """Path of a linked file of the repository that is not a page of `docs`; empty for all else."""
+        """Return the path of a linked file of the repository that is not a page of `docs`; empty otherwise."""
         path = self._resolved(origin, target)
         exists = path in FOLDERS or (bool(path) and ((self._root / path).is_file() or self._is_listing(path)))
         return path if exists and not path.startswith("docs/") else ""
@@ -122,7 +122,7 @@ class SourcePages:
         return f"#{name}" if path.endswith(".py") and name in _definitions(self._root / path) else ""
 
     def _is_listing(self, path: str) -> bool:
-        """Whether a path is that of a README which a folder of the repository lacks."""
+        """Return whether a path is of a README that does not exist in an existing folder of the repository."""
         whole = self._root / path
         return whole.name == "README.md" and whole.parent.is_dir() and not whole.is_file()
 
@@ -153,7 +153,7 @@ class SourcePages:
 
 
 def _definitions(path: Path) -> dict[str, int]:
-    """Line, from 0, at which each function and class of a file begins, with its decorators."""
+    """Return the first line, from 0, of each function and class of a file, with its decorators."""
     kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)
     return {
         node.name: min([node.lineno, *(decorator.lineno for decorator in node.decorator_list)]) - 1

@@ -1,4 +1,4 @@
-"""Text of code, as it may stand in a table of a page."""
+"""Text from code, escaped for a table of a page."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ _CODE = re.compile(r"(`[^`]*`)")
 
 
 def cell(text: str) -> str:
-    """Return text on one line in which nothing is taken for a column or for HTML.
+    """Return text as one line, with column separators and HTML escaped.
 
     Parameters
     ----------
     text : str
-        As it stands in a docstring, a comment or a help text.
+        Text of a docstring, a comment or a help text.
 
     Returns
     -------

@@ -1,6 +1,6 @@
-"""A bench of one actuator: piston and load in one body, a spring and a damper to the wall, an adaptive integrator.
+"""Bench of one actuator: piston and load in one body, a spring and a damper to the wall, an adaptive integrator.
 
-For studies and tests of hydraulics alone, in plain numpy; a rig has a specimen instead.
+It is for studies and tests of hydraulics alone, in plain numpy; a rig has a specimen instead.
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ from rig_sim.multibody import Effect, Motion
 
 @dataclass(frozen=True)
 class Bench:
-    """An actuator on joint 0 against a body: mass in kg, spring in N/m, damper in N*s/m.
+    """Bench with an actuator on joint 0 that moves a body with a spring and a damper.
 
-    `actuator`: On joint 0. `supply`: Feeds it. `mass`: In kg. `stiffness`: In N/m. `damping`: In N*s/m.
+    `actuator`: Actuator on joint 0. `supply`: Its supply. `mass`: Mass in kg. `stiffness`: Stiffness in N/m.
+    `damping`: Damping in N*s/m.
     """
 
     actuator: HydraulicActuator
@@ -31,13 +32,13 @@ class Bench:
 
     @property
     def start(self) -> np.ndarray:
-        """Position, speed, states of actuator and supply, (states,): mid stroke, valve shut."""
+        """Return position, speed, and states of actuator and supply, (states,), at mid stroke with the valve shut."""
         return np.array([0.0, 0.0, *self.actuator.initial_state, *self.supply.initial_state])
 
     def evaluate(self, command: float, state: np.ndarray) -> tuple[np.ndarray, Effect]:
         """Evaluate the bench.
 
-        `command`: In the drive's unit, m or N. `state`: As `start`.
+        `command`: Command in the drive's unit, m or N. `state`: State, as from `start`.
         Returns: Rates (states,) in the states' units per second, and the effect with its monitored values.
         """
         motion = cast(Motion, Motion([], [], [], [], [], state[:1], state[1:2]))
@@ -54,9 +55,10 @@ class Bench:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Integrate from `start`.
 
-        `command`: The drive in m or N at a time in s. `seconds`: How long. `points`: How many instants, evenly spaced.
+        `command`: Drive in m or N as a function of time in s. `seconds`: Duration. `points`: Number of evenly spaced
+        instants.
         Returns: Time (points,) in s and states (states, points).
-        Raises `ArithmeticError`: Where the integrator gives up.
+        Raises `ArithmeticError`: The integrator failed.
         """
         time = np.linspace(0.0, seconds, points)
         solved: Any = solve_ivp(

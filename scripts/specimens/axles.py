@@ -1,7 +1,7 @@
-"""The shipped axles in numbers: hard points, masses, stiffnesses. What is changed here changes their SDFs.
+"""Parameters of the shipped axles: hard points, masses, stiffnesses. Changes here change their SDFs.
 
-An axle of this layout takes no more than these; `double_wishbone.py` makes the SDF of it. Axes follow
-ISO 8855: x forward, y left, z up; the origin lies on the ground below the middle of the axle.
+`double_wishbone.py` makes the SDF of an axle from these parameters alone. Axes follow
+ISO 8855: x forward, y left, z up; the origin is on the ground below the middle of the axle.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Masses:
 class Stiffnesses:
     """Linear bushings: stiffness in N/m and damping in N*s/m along x, y, z; rotation in N*m/rad and N*m*s/rad."""
 
-    # A stiff handling bushing in line with the wheel, a soft ride bushing behind it: the usual division of labour.
+    # As usual, a stiff handling bushing in line with the wheel and a soft ride bushing behind it.
     lower_front: Point = (1.2e6, 2.5e6, 2.5e6)
     lower_rear: Point = (4.0e5, 9.0e5, 6.0e5)
     upper_ball: Point = (8.0e5, 2.0e6, 6.0e6)
@@ -60,7 +60,7 @@ class Stiffnesses:
 
 @dataclass(frozen=True)
 class ActuatorMount:
-    """One actuator of a side: where its rod meets the wheel, how long the rod is, and the piston's mass."""
+    """Actuator of a side: joint of its rod with the wheel, rod, and the piston's mass."""
 
     direction: str
     offset: Point
@@ -81,18 +81,18 @@ BRAKE = ActuatorMount("brake", (-0.05, 0.0, -0.28), (-1.0, 0.0, 0.0), 10.0)
 
 @dataclass(frozen=True)
 class Rack:
-    """A steering rack held at its pinion: the mass it swings with, how stiffly the pinion and its column hold it."""
+    """Steering rack held at its pinion: effective mass, stiffness and damping of pinion and column."""
 
-    #: Rack, inner joints and what the pinion's inertia amounts to at the rack, kg.
+    #: Mass of rack, inner joints and the pinion's inertia reduced to the rack, in kg.
     mass: float = 5.0
-    #: N/m and N*s/m along the rack.
+    #: Stiffness in N/m and damping in N*s/m along the rack.
     stiffness: float = 1.0e7
     damping: float = 4.0e3
 
 
 @dataclass(frozen=True)
 class Axle:
-    """Everything that decides the SDF of an axle."""
+    """Parameters of the SDF of an axle."""
 
     name: str
     body_held: bool
@@ -100,7 +100,7 @@ class Axle:
     masses: Masses = field(default_factory=Masses)
     stiffnesses: Stiffnesses = field(default_factory=Stiffnesses)
     actuators: tuple[ActuatorMount, ...] = ()
-    #: Of a vehicle's second axle: what its names begin with, and how far it lies behind the origin, in m.
+    #: For a vehicle's second axle: prefix of its names, and distance behind the origin, in m.
     prefix: str = ""
     behind: float = 0.0
     #: Without a rack the tie rods end on the body.
@@ -140,7 +140,7 @@ class MacPhersonPoints:
     lower_ball: Point = (0.000, 0.690, 0.175)
     lower_front_bushing: Point = (0.010, 0.330, 0.190)
     lower_rear_bushing: Point = (-0.300, 0.345, 0.195)
-    #: Where the spring's force enters the tube, and where the rod ends in the body: both on the strut's axis.
+    #: Point where the spring's force enters the tube, and end of the rod in the body, both on the strut's axis.
     strut_foot: Point = (-0.004, 0.610, 0.420)
     top_mount: Point = (-0.030, 0.545, 0.860)
     tie_rod_inner: Point = (-0.140, 0.340, 0.245)
@@ -149,7 +149,7 @@ class MacPhersonPoints:
 
 @dataclass(frozen=True)
 class MacPhersonAxle:
-    """Everything that decides the SDF of a MacPherson axle; masses in kilograms."""
+    """Parameters of the SDF of a MacPherson axle; masses in kilograms."""
 
     name: str
     points: MacPhersonPoints = field(default_factory=MacPhersonPoints)

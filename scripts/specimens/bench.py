@@ -1,4 +1,4 @@
-"""What every axle on a bench has: the held body, the wheel behind its force transducer, the pistons that move it."""
+"""Common parts of axles on a bench: the held body, the wheel behind its force transducer, the pistons."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 from axles import ActuatorMount, Point, Stiffnesses
 from sdf_writing import add_joint, add_link, add_rod, draw_cylinder
 
-#: Radius of the disc that takes the tyre's place on a rig, in m.
+#: Radius of the disc that replaces the tyre on a rig, in m.
 _DISC_RADIUS = 0.16
 
 
 def mirror_of(side: str) -> np.ndarray:
-    """Return what takes a point of the left side to this side, (3,)."""
+    """Return the factors that mirror a point of the left side to this side, (3,)."""
     return np.array([1.0, 1.0 if side.endswith("left") else -1.0, 1.0])
 
 
@@ -26,7 +26,7 @@ def add_body(model: Xml.Element, *, mass: float, roll_inertia: float, held: bool
     if held:
         add_joint(model, "body_clamp", "fixed", parent="world", child="body")
         return
-    # Drake has no joint that heaves and rolls; a light carriage between two joints does.
+    # Drake has no joint for heave and roll, so a light carriage between two joints is used.
     add_link(model, "heave_carriage", origin=origin, centre=height, mass=10.0, inertia=np.eye(3))
     add_joint(model, "body_heave", "prismatic", parent="world", child="heave_carriage", axis=np.array([0.0, 0.0, 1.0]))
     add_joint(model, "body_roll", "revolute", parent="heave_carriage", child="body", axis=np.array([1.0, 0.0, 0.0]))
@@ -38,15 +38,15 @@ def add_wheel(model: Xml.Element, side: str, *, centre: np.ndarray, mass: float,
     Parameters
     ----------
     model : Element
-        To add to.
+        Model to extend.
     side : str
         "left" or "right".
     centre : (3,)
-        In the model's frame, in m.
+        Wheel centre in the model's frame, in m.
     mass : float
-        In kg.
+        Mass in kg.
     tyre_radius : float or None
-        In m; without a tyre the wheel is drawn as a disc.
+        Radius in m; without a tyre the wheel is drawn as a disc.
     """
     inertia = np.diag([0.55, 0.95, 0.55]) * mass / 22.0
     link = add_link(model, f"{side}_wheel", origin=centre, centre=centre, mass=mass, inertia=inertia)
@@ -63,7 +63,7 @@ def add_actuator(
     offset, rod = np.array(mount.offset) * mirror, np.array(mount.rod) * mirror
     piston_end = np.array(wheel_centre) * mirror + offset + rod
     name = f"{side}_{mount.direction}_piston"
-    # A positive stroke moves the wheel along the positive axis of ISO 8855, whichever side the cylinder stands on.
+    # A positive stroke moves the wheel along the positive axis of ISO 8855, on both sides.
     axis = np.abs(np.array(mount.rod))
     inertia = np.eye(3) * mount.piston_mass * 0.02**2
     link = add_link(model, name, origin=piston_end, centre=piston_end, mass=mount.piston_mass, inertia=inertia)

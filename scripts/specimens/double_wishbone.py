@@ -1,8 +1,8 @@
 """Write the SDF of a double-wishbone front axle from its hard points.
 
 `python scripts/specimens/double_wishbone.py` writes the shipped ones again: `front_axle` with its body held and six
-actuators at the wheels, the same axle with two more that brake, and `predecessor`, an earlier vehicle of other geometry
-whose body is free to heave and roll. A user's specimen needs no such program: any SDF will do.
+actuators at the wheels, the same axle with two more for braking, and `predecessor`, an earlier vehicle of other
+geometry whose body is free to heave and roll. A user's specimen can be any SDF.
 
 The lower arm floats in two anisotropic bushings, so that the wheel recedes under longitudinal load. The upper arm turns
 on a hinge and meets the knuckle in a bushing that carries the compliance of the upper mounts. The tie rod is a stiff

@@ -1,8 +1,8 @@
 """Write the SDF of a whole car on four double wishbones: the predecessor's front axle, a rear axle, one body.
 
 `python scripts/specimens/full_vehicle.py` writes the shipped one again. The body heaves, pitches and rolls about its
-centre of mass, which stays above one place of the road: the car rolls straight ahead at the speed of its drives, and
-what would push it sideways or slow it down is carried there.
+centre of mass, which is held above one place of the road: the car drives straight ahead at the speed of its drives,
+and the constraint carries lateral and longitudinal forces.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def write_sdf(body: VehicleBody) -> str:
     root, model = new_sdf("full_vehicle")
     centre, at_centre = np.array(body.centre), np.zeros(3)
     up, left, ahead = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])
-    # Drake has no joint that heaves, pitches and rolls; two light carriages between three joints do.
+    # Drake has no joint for heave, pitch and roll, so two light carriages between three joints are used.
     for name in ("heave_carriage", "pitch_carriage"):
         add_link(model, name, origin=centre, centre=centre, mass=5.0, inertia=np.eye(3))
     add_link(model, "body", origin=at_centre, centre=centre, mass=body.mass, inertia=np.diag(body.inertia))

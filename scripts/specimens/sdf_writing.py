@@ -35,7 +35,7 @@ def add_link(
     model : Element
         To add to.
     name : str
-        Of the body.
+        Name of the body.
     origin, centre : (3,)
         Origin of its frame and centre of mass, in the model's frame, in m.
     mass : float
@@ -90,7 +90,7 @@ def add_frame(model: Xml.Element, name: str, link: str, offset: np.ndarray) -> s
     model : Element
         To add to.
     name, link : str
-        Of the frame and of its body.
+        Names of the frame and of its body.
     offset : (3,)
         In the body's frame, in m.
 
@@ -169,20 +169,20 @@ def add_joint(
     offset: np.ndarray | None = None,
     axis: np.ndarray | None = None,
 ) -> None:
-    """Add a joint; no actuator of Drake's own drives it.
+    """Add a joint without an actuator of Drake.
 
     Parameters
     ----------
     model : Element
         To add to.
     name, kind : str
-        Of the joint; the kind in SDF's words.
+        Name of the joint, and its kind in SDF.
     parent, child : str
         Its bodies.
     offset : (3,), optional
         Where it is in the child's frame, in m.
     axis : (3,), optional
-        Of turning or sliding, of any length.
+        Axis of rotation or sliding, of any length.
     """
     joint = _child(model, "joint", name=name, type=kind)
     _child(joint, "parent", parent)
@@ -203,7 +203,7 @@ def draw_cylinder(link: Xml.Element, name: str, start: np.ndarray, end: np.ndarr
     link : Element
         The body that it is drawn on.
     name : str
-        Of the visual.
+        Name of the visual.
     start, end : (3,)
         Relative to the link's origin, in m.
     radius : float
@@ -226,10 +226,10 @@ def new_sdf(name: str) -> tuple[Xml.Element, Xml.Element]:
 
 
 def sdf_text(root: Xml.Element, generator: str) -> str:
-    """Return an SDF as text, ending in a newline; the first line says which module made it."""
+    """Return an SDF as text, ending in a newline; its first line names the module that made it."""
     Xml.indent(root)
-    # `rig_sim.specimens` is where these modules were first. The line stays: with any other byte, the content hash of
-    # every shipped rig is another one.
+    # `rig_sim.specimens` was the first place of these modules. The line must not change: a changed byte would change
+    # the content hash of every shipped rig.
     note = f"<!-- Made from hard points by rig_sim.specimens.{generator}; change it in axles.py. -->\n"
     return note + Xml.tostring(root, encoding="unicode") + "\n"
 

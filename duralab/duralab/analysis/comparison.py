@@ -1,4 +1,4 @@
-"""Several recorded campaigns beside each other: what each reached, channel by channel, and which settings differ."""
+"""Comparison of recorded campaigns: verdicts, numbers channel by channel, and differing settings."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _ERRORS: Final = "relative RMS error after the best playback, 0 is perfect"
 
 @runtime_checkable
 class Recorded(Protocol):
-    """Anything with a recording, such as a `CampaignResult`."""
+    """Object with a recording, such as a `CampaignResult`."""
 
     @property
     def recording(self) -> Recording:
@@ -35,18 +35,18 @@ class Recorded(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class ComparedRecording:
-    """One of the recordings of a comparison.
+    """Recording in a comparison.
 
     Parameters
     ----------
     name : str
-        The campaign's name; with the folder of the file, or a number, where two have the same.
+        Name of the campaign; with the folder of the file, or a number, if two are equal.
     recording : Recording
-        What was recorded.
+        Recording of the campaign.
     iterations : IterationTable
-        The figures of its playbacks.
+        Numbers of its playbacks.
     verdict : Verdict
-        Whether its target was reached.
+        Verdict whether its target was reached.
     """
 
     name: str
@@ -57,23 +57,23 @@ class ComparedRecording:
 
 @dataclass(frozen=True)
 class ChannelComparison:
-    """One response channel of one recording after its best playback; ratios all, nan where one is not told.
+    """Values of one response channel of one recording after its best playback; all are ratios, NaN if not reported.
 
     Parameters
     ----------
     recording, channel : str
-        Their names.
+        Names of the recording and of the channel.
     first_error, relative_rms_error : float
         rms(target - response) / rms(target) after the first and after the best playback; 0 is perfect.
     rms_response, peak_ratio : float
-        Of the response over that of the target; 1 is perfect.
+        RMS and peak of the response over those of the target; 1 is perfect.
     damage_ratio : tuple of float
         Pseudo-damage of the response over that of the target, for S-N lines of slope 3, 5 and 8.
     identification_damage, damage_spent : tuple of float
-        Damage that the identification, and the whole campaign, put into the specimen, in passes of the target, for the
-        same slopes. Where the recording does not state the first, it is nan and the second is that of the playbacks.
+        Damage of the identification, and of the whole campaign, in passes of the target, for the same slopes. If the
+        recording does not state the first, it is NaN and the second is that of the playbacks.
     watched : bool
-        Told, but not judged.
+        Whether the channel is only monitored: reported, but not judged.
     """
 
     recording: str
@@ -89,25 +89,25 @@ class ChannelComparison:
 
     @property
     def damage_in_words(self) -> str:
-        """Damage spent at slope 5 as text, in brackets that of the identification."""
+        """Damage spent at slope 5 as text, with that of the identification in brackets."""
         column = DAMAGE_SLOPES.index(5)
         return f"{passes(self.damage_spent[column])} ({passes(self.identification_damage[column])})"
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Recorded campaigns beside each other; `print` shows it as tables.
+    """Comparison of recorded campaigns; prints as tables.
 
     Parameters
     ----------
     recordings : tuple of ComparedRecording
-        Two or more, as given.
+        Two or more recordings, as given.
     channels : tuple of str
-        The responses that all have in common, in the first one's order.
+        Names of the responses common to all, in the first recording's order.
     rows : tuple of ChannelComparison
-        Channel by channel, and within each in the order of the recordings.
+        Rows by channel, and within a channel in the order of the recordings.
     differences : tuple of SettingDifference
-        Settings, rig and target that are not the same in all.
+        Settings, rig and target that are not equal in all recordings.
     """
 
     recordings: tuple[ComparedRecording, ...]
@@ -117,12 +117,12 @@ class Comparison:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Names of the recordings, each different."""
+        """Unique names of the recordings."""
         return tuple(entry.name for entry in self.recordings)
 
     @property
     def same_target(self) -> bool:
-        """Whether all were to reproduce the same samples; where not, each one's figures are relative to its own."""
+        """Whether all have the same target samples; otherwise a recording's numbers are relative to its own target."""
         return all(difference.setting != "target" for difference in self.differences)
 
     def of_channel(self, channel: str) -> tuple[ChannelComparison, ...]:
@@ -136,12 +136,12 @@ class Comparison:
         Returns
         -------
         tuple of ChannelComparison
-            Empty where no recording has the channel.
+            Rows; empty if no recording has the channel.
         """
         return tuple(row for row in self.rows if row.channel == channel)
 
     def to_document(self) -> dict[str, Any]:
-        """Return the comparison as plain texts, numbers, lists and mappings; unreported figures have the value None."""
+        """Return the comparison as plain strings, numbers, lists and mappings, with None for unreported numbers."""
         return {
             "recordings": [
                 {
@@ -183,7 +183,7 @@ class Comparison:
         }
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the figures of the best playbacks over `recording`, `channel` and `slope` (of the S-N line)."""
+        """Return the numbers of the best playbacks over `recording`, `channel` and `slope` (of the S-N line)."""
         import xarray
 
         def over_channels(name: str) -> list[list[Any]]:
@@ -201,11 +201,11 @@ class Comparison:
         )
 
     def __repr__(self) -> str:
-        """Return it on one line, without figures."""
+        """Return a one-line description without numbers."""
         return f"Comparison({', '.join(self.names)}: {len(self.channels)} channels)"
 
     def __str__(self) -> str:
-        """Return the tables as text: what each reached, the errors channel by channel, the settings that differ."""
+        """Return the verdicts, the errors by channel, and the differing settings as text."""
         from duralab.display import text_table
 
         verdicts = "\n".join(f"{entry.name}: {entry.verdict.sentence}" for entry in self.recordings)
@@ -250,17 +250,17 @@ def compare(*recordings: str | Path | Recording | Recorded) -> Comparison:
     Parameters
     ----------
     *recordings : str, Path, Recording or Recorded
-        Two or more, each with a playback at least and with responses of the same names, some of them at least.
+        Two or more recordings, each with at least one playback, and with at least one response name in common.
 
     Returns
     -------
     Comparison
-        In the order given.
+        Comparison in the given order.
 
     Raises
     ------
     InputError
-        Fewer than two, one that cannot be read or holds no playback, or no channel that all have in common.
+        There are fewer than two recordings, one cannot be read or has no playback, or they have no common channel.
     """
     if len(recordings) < 2:
         raise InputError(f"{len(recordings)} recording is given to compare; give two or more.")
@@ -292,7 +292,7 @@ def _opened(recording: str | Path | Recording | Recorded) -> Recording:
 
 
 def _names(recordings: Sequence[Recording]) -> list[str]:
-    """Return a different name for each: the campaign's, with the folder where that says more, else with a number."""
+    """Return unique names: those of the campaigns; of equal ones with the folder, and if still equal with a number."""
     names = [recording.specification.id for recording in recordings]
     if len(set(names)) < len(names):
         names = [
@@ -325,7 +325,7 @@ def _row(entry: ComparedRecording, channel: str) -> ChannelComparison:
 
 
 def _plain(value: float) -> float | None:
-    """Return a figure, or None for one that is not told: JSON knows no nan."""
+    """Return a number, or None for NaN, which JSON does not have."""
     return None if isnan(value) else value
 
 

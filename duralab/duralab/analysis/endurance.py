@@ -1,4 +1,4 @@
-"""Trends of an endurance test: how far the statistics of a repeat are from their baseline, and damage over plan."""
+"""Trends of an endurance test: deviations of the statistics from their baseline, and damage against the plan."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ _MIN, _MAX, _RMS, _DAMAGE = (
 
 
 def deviations(recording: EnduranceRecording) -> np.ndarray:
-    """Return the deviation of each statistic from its baseline as a share, as learnt limits judge it.
+    """Return the deviation of each statistic from its baseline as a share, as used for learned limits.
 
-    A baseline is the mean of the first repeats of an event with one drive; it is learnt again where a person decided
-    so. Minimum and maximum count by half the range, mean, RMS and standard deviation by the RMS, damage as the change
-    of amplitude that explains it.
-    Returns: Shape (repeats, responses, statistics); NaN for a repeat whose end is not known.
+    A baseline is the mean of the first repeats of an event with one drive; it is learned again after such a decision.
+    Minimum and maximum are divided by half the range; mean, RMS and standard deviation by the RMS; damage is given as
+    the equivalent change of amplitude.
+    Returns: Deviations of shape (repeats, responses, statistics); NaN for a repeat whose end is unknown.
     """
     repeats, settings = recording.repeats, recording.schedule.monitoring
     values = repeats.statistics[:, :, : len(Statistic)].astype(np.float64)
     values[:, :, _DAMAGE] **= 1.0 / float(settings.damage_exponent)
-    # Of repeats with one key, the baseline is the same.
+    # Repeats with the same key have the same baseline.
     keys = np.stack([repeats.event, repeats.drive, np.searchsorted(_relearnt(recording), repeats.repeat, "right")])
     found = np.full(values.shape, np.nan)
     for key in np.unique(keys, axis=1).T:
@@ -40,7 +40,7 @@ def deviations(recording: EnduranceRecording) -> np.ndarray:
 
 
 def _relearnt(recording: EnduranceRecording) -> list[int]:
-    """Return the repeats before which baselines were learnt again, in order."""
+    """Return the repeats before which the baselines were learned again, in order."""
     holds = {hold.number: hold.next_repeat for hold in recording.messages(sequencer_pb2.EnduranceHold)}
     return [
         holds[decision.hold]
@@ -50,14 +50,14 @@ def _relearnt(recording: EnduranceRecording) -> list[int]:
 
 
 def damage_so_far(recording: EnduranceRecording) -> np.ndarray:
-    """Return the damage counted after each repeat, shape (repeats, responses); what is not known counts as 0."""
+    """Return the damage counted after each repeat, shape (repeats, responses); unknown damage counts as 0."""
     return np.cumsum(np.nan_to_num(recording.repeats.damage), axis=0)
 
 
 def planned_total(recording: EnduranceRecording) -> np.ndarray:
-    """Return the damage that the plan of the schedule names, or else that planned of all repeats; shape (responses,).
+    """Return the damage in the schedule's plan, otherwise that of all planned repeats; shape (responses,).
 
-    NaN where it is not known.
+    Unknown damage is NaN.
     """
     plan = recording.schedule.plan
     if plan is not None and plan.damage is not None:
@@ -66,7 +66,7 @@ def planned_total(recording: EnduranceRecording) -> np.ndarray:
 
 
 def planned_so_far(recording: EnduranceRecording) -> np.ndarray:
-    """Return the planned damage of what was played, shape (responses,)."""
+    """Return the planned damage of the played repeats, shape (responses,)."""
     events = len(recording.schedule.events)
     return _planned(recording, np.bincount(recording.repeats.event, minlength=events))
 

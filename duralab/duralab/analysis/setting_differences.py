@@ -18,20 +18,20 @@ if TYPE_CHECKING:
     from duralab.recording import Recording
 
 NOT_SET: Final = "–"
-"""Stands where a recording does not have what another has."""
+"""Text for a setting that a recording does not have."""
 
 _NO_SETTINGS: Final = frozenset({"id", "target", "target_drive", "scenario"})
-"""Of a campaign: its name, its signals, and its words, which say once more what the other fields hold."""
+"""Fields that are not compared: name, signals, and the file's text, which repeats the other fields."""
 
 _LONGEST_ARRAY: Final = 12
 
 
 @dataclass(frozen=True)
 class SettingDifference:
-    """A setting that is not the same in all recordings.
+    """Setting that is not equal in all recordings.
 
-    `setting`: Where it stands, e.g. "update.iteration_gain"; "target" is the samples that were to be reproduced.
-    `values`: One for each recording, as text; a dash where it has none.
+    `setting`: Name of the setting, e.g. "update.iteration_gain"; "target" is the target's samples. `values`: Value in
+    each recording, as text; a dash if it has none.
     """
 
     setting: str
@@ -39,7 +39,7 @@ class SettingDifference:
 
 
 def differing_settings(recordings: Sequence[Recording]) -> tuple[SettingDifference, ...]:
-    """Return what is not the same in all recordings, in the order of the contract."""
+    """Return the settings that differ, in the order of the contract."""
     settings = [_settings(recording) for recording in recordings]
     named = dict.fromkeys(name for found in settings for name in found)
     rows = [SettingDifference(name, tuple(found.get(name, NOT_SET) for found in settings)) for name in named]
@@ -48,7 +48,7 @@ def differing_settings(recordings: Sequence[Recording]) -> tuple[SettingDifferen
 
 def _settings(recording: Recording) -> dict[str, str]:
     specification, rig = recording.specification, recording.rig
-    # What counts of a target is its samples; two sources may give the same ones, and one source different ones.
+    # Compare a target's samples: two sources may give the same samples, and one source different ones.
     target = specification.target
     digest = hashlib.sha256(target.samples.data).hexdigest()
     found = {"target": f"{target.samples.shape[-1]} samples at {target.sample_rate:g} Hz, sha256 {digest[:16]}"}
@@ -61,7 +61,7 @@ def _settings(recording: Recording) -> dict[str, str]:
 
 
 def _flattened(message: Message, *, prefix: str) -> Iterator[tuple[str, str]]:
-    """Yield every field of a message that is set, and those of the messages in it, by their names."""
+    """Yield all set fields of a message and of its nested messages, by their names."""
     for field, value in message.ListFields():
         if not prefix and field.name in _NO_SETTINGS:
             continue
@@ -99,7 +99,7 @@ def _array_in_words(message: array_pb2.Array) -> str:
 
 
 def _enum_in_words(kind: EnumDescriptor, value: int) -> str:
-    """Return the name of a value without what all values of its kind begin with, e.g. "adaptive modelling"."""
+    """Return the name of an enum value without the common prefix, e.g. "adaptive modelling"."""
     entries = kind.values_by_number
     if value not in entries:
         return str(value)

@@ -12,13 +12,13 @@ from duralab.data import Signals
 from duralab_spectra import auto_spectra, line_frequencies
 
 ENERGY_SHARE: Final = 0.99
-"""Share of a channel's energy that its band holds."""
+"""Share of a channel's energy inside its band."""
 
 COLUMNS: Final = 32
-"""Bands of the coarse density, equally wide on a logarithmic axis of frequency."""
+"""Number of bands of the coarse density, equally wide on a logarithmic frequency axis."""
 
 _AVERAGED_PARTS: Final = 4
-"""A block of the density is about this part of the record: with half of it overlapping, seven averages or more."""
+"""A block of the density is about a quarter of the record: with half overlap this gives at least seven averages."""
 _LARGEST_BLOCK: Final = 2**16
 _SHORTEST_BLOCK: Final = 16
 
@@ -27,11 +27,11 @@ _SHORTEST_BLOCK: Final = 16
 class ChannelSummary:
     """Summary of one channel, in its unit.
 
-    `name`, `unit`: Of the channel. `not_finite`: Number of samples that are nan or infinite; the other figures leave
-    them out. `minimum`, `maximum`, `mean`, `rms`: Over all finite samples; nan where there is none. `band`: Frequencies
-    in Hz below and above which 0.5 % of the energy lies each, the mean left out; None where the channel is constant,
-    not finite, or shorter than 16 samples. `psd`, shape (columns) or (0): Largest power spectral density of each
-    frequency band, one-sided, in the unit squared per Hz; empty where `band` is None.
+    `name`, `unit`: Name and unit of the channel. `not_finite`: Number of samples that are NaN or infinite; the other
+    values do not include them. `minimum`, `maximum`, `mean`, `rms`: Values of all finite samples; NaN without any.
+    `band`: Frequencies in Hz below and above which 0.5 % of the energy is, without the mean; None if the channel is
+    constant, not finite, or shorter than 16 samples. `psd`, shape (columns) or (0): Largest power spectral density of
+    each frequency band, one-sided, in the unit squared per Hz; empty if `band` is None.
     """
 
     name: str
@@ -49,9 +49,10 @@ class ChannelSummary:
 class SignalSummary:
     """Summary of signals.
 
-    `sample_rate`: In Hz. `samples`: Of each channel. `duration`: In s. `resolution`: Distance of two lines of the
-    density, in Hz; nan where the signals are too short for one. `psd_edges`, shape (columns + 1) or (0): Edges of the
-    frequency bands of `ChannelSummary.psd`, in Hz. `channels`: In the order of the signals.
+    `sample_rate`: Sample rate in Hz. `samples`: Number of samples of each channel. `duration`: Duration in s.
+    `resolution`: Distance of two lines of the density, in Hz; NaN if the signals are too short. `psd_edges`, shape
+    (columns + 1) or (0): Edges of the frequency bands of `ChannelSummary.psd`, in Hz. `channels`: Summaries in the
+    order of the signals.
     """
 
     sample_rate: float
@@ -63,20 +64,20 @@ class SignalSummary:
 
 
 def summarize(signals: Signals) -> SignalSummary:
-    """Return what signals hold.
+    """Summarize signals.
 
-    `signals`: Of any length; samples that are not finite are counted.
-    Returns: Densities by Welch's method: periodic Hann window, half overlapping, the mean over the record left out.
+    `signals`: Signals of any length; samples that are not finite are counted.
+    Returns: Summary with densities by Welch's method: periodic Hann window, half overlap, mean of the record removed.
     """
     count = signals.samples.shape[1]
     block, edges, lines = 0, np.empty(0), np.empty(0)
     if count >= _SHORTEST_BLOCK:
         block = min(_LARGEST_BLOCK, max(_SHORTEST_BLOCK, 2 ** int(np.log2(count / _AVERAGED_PARTS))))
-        # The line at 0 Hz holds what is left of the mean.
+        # The line at 0 Hz contains the rest of the mean.
         lines = line_frequencies(block, signals.sample_rate)[1:]
         edges = np.geomspace(lines[0], lines[-1], COLUMNS + 1)
     channels = []
-    # The square of a value that a damaged file holds may overflow: its figures are infinite, which is what to see.
+    # The square of a value from a damaged file may overflow; the infinite result shows the damage.
     with np.errstate(over="ignore", invalid="ignore"):
         for channel, row in zip(signals.channels, signals.samples, strict=True):
             minimum, maximum, mean, rms = _figures(row[np.isfinite(row)])
@@ -111,7 +112,7 @@ def _density(row: NDArray[np.float64], *, block: int, sample_rate: float) -> NDA
 
 
 def _band(lines: NDArray[np.float64], density: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the frequencies between which the share of the energy lies, as much of the rest on either side."""
+    """Return the frequencies that enclose `ENERGY_SHARE` of the energy, with half of the rest on either side."""
     energy = np.cumsum(density)
     outside = (1.0 - ENERGY_SHARE) / 2.0
     low, high = np.searchsorted(energy, np.array([outside, 1.0 - outside]) * energy[-1])
@@ -121,7 +122,7 @@ def _band(lines: NDArray[np.float64], density: NDArray[np.float64]) -> tuple[flo
 def _coarse(
     lines: NDArray[np.float64], density: NDArray[np.float64], edges: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the largest density in each band; in one without a line, that of the nearest line."""
+    """Return the largest density in each band; for a band without a line, that of the nearest line."""
     first, last = np.searchsorted(lines, edges[:-1]), np.searchsorted(lines, edges[1:], side="right")
     centres = np.sqrt(edges[:-1] * edges[1:])
     return np.array(

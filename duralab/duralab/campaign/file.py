@@ -1,4 +1,4 @@
-"""The campaign file: what a user writes to say which loads to reproduce, on which rig, how, and for how long."""
+"""Campaign file: the loads to reproduce, the rig, the method and the stop criteria."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class Potholes(Section):
 
 
 class SyntheticRoad(Section):
-    """A rough road made from a seed."""
+    """Rough road made from a seed."""
 
     iso_class: str = Field(
         pattern="^[A-E](/[A-E])?$",
@@ -57,7 +57,7 @@ class SyntheticRoad(Section):
 
 
 class MeasuredRoad(Section):
-    """A measured road surface in OpenCRG format, run through forward and backward until the time is up."""
+    """Measured road surface in OpenCRG format, driven forward and backward until the duration is over."""
 
     path: Path = Field(strict=False, description="The OpenCRG file (.crg), relative to the campaign file.")
     duration: Positive = Field(le=3600, description="Duration of the drive over the road, in seconds.")
@@ -134,9 +134,9 @@ class Sections(Section):
     )
 
 
-# The bases in this order: what a file begins with comes first.
+# The order of the bases gives the order of the keys: `Sections` first.
 class Campaign(PlaybackSettings, Sections):
-    """A whole campaign: the content of a campaign file."""
+    """Campaign: the content of a campaign file."""
 
     _folder: Path = PrivateAttr(default=Path())
     _text: str = PrivateAttr(default="")
@@ -184,13 +184,13 @@ class Campaign(PlaybackSettings, Sections):
 
     @property
     def text(self) -> str:
-        """The file, word for word; for a campaign that was made in a script, what would be written in one."""
+        """Exact text of the file; for a campaign made in a script, the text of an equivalent file."""
         if self._text:
             return self._text
         import yaml
 
         content = self.model_dump(mode="json", exclude_none=True)
-        # A limit that is null is not judged; one that is left out has its default.
+        # Keep null limits: a null limit is not judged, whereas an omitted one has its default.
         content["accept"] = self.accept.model_dump(mode="json")
         return yaml.safe_dump(content, sort_keys=False)
 
@@ -200,7 +200,7 @@ class Campaign(PlaybackSettings, Sections):
         return self._remarks
 
     def read_from(self, *, folder: Path, text: str, remarks: tuple[str, ...] = ()) -> Self:
-        """Return this campaign with the place and the words it was read from."""
+        """Return this campaign with the folder and the text of its file."""
         copy = self.model_copy()
         copy._folder = folder  # noqa: SLF001  (its own private attribute, on its own copy)
         copy._text = text  # noqa: SLF001

@@ -1,4 +1,4 @@
-"""The settings of an identification, from a campaign or from a file that holds nothing else."""
+"""Settings of an identification, from a campaign or from a separate file."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ class IdentificationSettings(Section):
 def load_identification(source: str | Path) -> IdentificationSettings:
     """Read and check the settings of an identification.
 
-    `source`: A campaign file or the name of a shipped campaign, of which seed, excitation and estimator count; or a
+    `source`: A campaign file or the name of a shipped campaign, of which seed, excitation and estimator are used; or a
     YAML file with these keys only.
     Returns: The checked settings.
-    Raises `InputError`: There is no such file, it is no YAML, or a key or value in it is not allowed.
+    Raises `InputError`: There is no such file, it is not YAML, or a key or value in it is not allowed.
     """
     path = Path(source)
     if not path.exists() and str(source) in shipped_campaigns():

@@ -1,4 +1,4 @@
-"""Reading a campaign file: from YAML text to a checked `Campaign`, or one sentence that names the wrong key."""
+"""Reading of a campaign file: from YAML text to a checked `Campaign`, or an error sentence with the wrong key."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _SUFFIX = ".yaml"
 
 
 def shipped_campaigns() -> list[str]:
-    """Return the names of the campaigns that come with the package."""
+    """Return the names of the campaigns shipped with the package."""
     entries = (files("duralab.campaign") / "shipped").iterdir()
     return sorted(entry.name.removesuffix(_SUFFIX) for entry in entries if entry.name.endswith(_SUFFIX))
 
@@ -33,17 +33,17 @@ def load_campaign(source: str | Path) -> Campaign:
     Parameters
     ----------
     source : str or Path
-        Path of a YAML file, or the name of a campaign that comes with the package, e.g. "front_axle_demo".
+        Path of a YAML file, or the name of a campaign shipped with the package, e.g. "front_axle_demo".
 
     Returns
     -------
     Campaign
-        With `folder` and `text` of the file.
+        Campaign with `folder` and `text` of the file.
 
     Raises
     ------
     InputError
-        It is not a path, the file does not exist, it is not YAML, or a key or value in it is not allowed.
+        `source` is not a path, the file does not exist, it is not YAML, or a key or value in it is not allowed.
     """
     if not isinstance(source, str | os.PathLike):
         raise InputError(
@@ -53,7 +53,7 @@ def load_campaign(source: str | Path) -> Campaign:
     path = Path(source)
     if not path.exists() and str(source) in shipped_campaigns():
         text = (files("duralab.campaign") / "shipped" / f"{source}{_SUFFIX}").read_text(encoding="utf-8")
-        # A shipped file has no folder of the user's own: its relative paths start where the user stands.
+        # A shipped file is not in a folder of the user: its paths are relative to the working directory.
         return parse_campaign(text, name=str(source), folder=Path())
     if not path.is_file():
         shipped = shipped_campaigns()
@@ -84,7 +84,7 @@ def parse_campaign(text: str, *, name: str, folder: Path = Path()) -> Campaign:
 
 
 def checked_steps(steps: Sequence[EditStep | Mapping[str, Any] | str]) -> tuple[EditStep, ...]:
-    """Check steps of a target editor that a script gives as they would stand under `target.edit` of a campaign file.
+    """Check a script's steps of the target editor, written as under `target.edit` of a campaign file.
 
     `steps`: Steps as models, mappings or names of steps without settings.
     Returns: The steps as models, in order.
@@ -99,17 +99,17 @@ def checked_steps(steps: Sequence[EditStep | Mapping[str, Any] | str]) -> tuple[
 def explained(
     error: ValidationError, *, name: str = "", place: tuple[str, ...] = (), is_part: bool = False
 ) -> InputError:
-    """Return what is wrong with a campaign or a part of one, in one sentence; see `duralab_settings.explained`."""
+    """Return the error in a campaign or a part of one, as one sentence; see `duralab_settings.explained`."""
     return as_input_error(duralab_settings.explained(error, Campaign, name=name, place=place, is_part=is_part))
 
 
 def as_input_error(error: SettingsError) -> InputError:
-    """Return the error of settings as one of the SDK."""
+    """Convert an error of settings to an `InputError`."""
     return InputError(str(error), field=error.field)
 
 
 def today(content: dict[Any, Any], *, name: str) -> tuple[dict[Any, Any], tuple[str, ...]]:
-    """Return settings with the keys of today, and a remark where there were older ones; raise InputError for both."""
+    """Rename old keys of settings; return them with remarks, raise InputError if a key has both names."""
     try:
         return with_new_keys(content, name=f"{name}: ")
     except SettingsError as error:
@@ -135,7 +135,7 @@ def load_import_settings(path: Path) -> ImportSettings:
 
     `path`: The YAML file.
     Returns: The checked settings.
-    Raises `InputError`: The file cannot be read, is no YAML, or a key or value in it is not allowed.
+    Raises `InputError`: The file cannot be read, is not YAML, or a key or value in it is not allowed.
     """
     text = read_text(path, what="a file of settings")
     content = parse_mapping(text, name=str(path), what="it", keys=ImportSettings.model_fields)
@@ -160,7 +160,7 @@ def read_text(path: Path, *, what: str) -> str:
 
 
 def parse_mapping(text: str, *, name: str, what: str, keys: Iterable[str]) -> dict[Any, Any]:
-    """Return the mapping that a YAML text holds."""
+    """Return the mapping in a YAML text."""
     try:
         content = parse_yaml(text)
     except YamlError as error:

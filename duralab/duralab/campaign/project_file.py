@@ -1,4 +1,4 @@
-"""Project files: many events on one rig, with settings that they share and settings of their own."""
+"""Project files: many events, with shared settings and settings per event."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from duralab_settings import Section, YamlError, parse_yaml
 
 _EVENTS: Final = "events"
 _SHARED_ONLY: Final = ("excitation", "estimator", "seed", "start_from", "name")
-"""Keys that no event has: all events of a rig have one identification."""
+"""Keys that an event cannot have, because all events of a rig share one identification."""
 
 
 class EventSettings(Section):
-    """Settings of an event beside those of its campaign."""
+    """Settings of an event in addition to those of its campaign."""
 
     priority: int = Field(default=0, ge=-1000, le=1000, description="Events of a higher priority come first.")
     repeats: int = Field(
@@ -31,14 +31,14 @@ class EventSettings(Section):
 
 @dataclass(frozen=True)
 class Event:
-    """One target of a project.
+    """Event: one target of a project.
 
     Parameters
     ----------
     name : str
-        Unique within the project.
+        Name, unique within the project.
     campaign : Campaign
-        Its campaign; its name is the project's and the event's, joined by a hyphen.
+        Campaign of the event; its name is the project's and the event's, joined by a hyphen.
     settings : EventSettings
         Priority and repeats.
     """
@@ -55,9 +55,9 @@ class Project:
     Parameters
     ----------
     name : str
-        Its campaigns' names begin with it.
+        Name of the project, with which its campaigns' names begin.
     events : tuple of Event
-        In the order of the file.
+        Events in the order of the file.
     """
 
     name: str
@@ -65,18 +65,18 @@ class Project:
 
     @property
     def rigs(self) -> tuple[str, ...]:
-        """The rigs it needs: those of its events and those that drive roads."""
+        """Rigs that the project needs: those of its events and those of the vehicles on roads."""
         return tuple(dict.fromkeys(rig for event in self.events for rig in event.campaign.rigs))
 
 
 def shipped_projects() -> list[str]:
-    """Return the names of the projects that come with the package."""
+    """Return the names of the projects shipped with the package."""
     entries = (files("duralab.campaign") / "shipped_projects").iterdir()
     return sorted(entry.name.removesuffix(".yaml") for entry in entries if entry.name.endswith(".yaml"))
 
 
 def is_project(source: str | Path) -> bool:
-    """Return whether a file is a project, which its key `events` says, or a name that of a shipped one."""
+    """Return whether a file is a project, i.e. has the key `events`, or a name is that of a shipped project."""
     path = Path(source)
     if not path.is_file():
         return not path.exists() and str(source) in shipped_projects()
@@ -93,17 +93,17 @@ def load_project(source: str | Path) -> Project:
     Parameters
     ----------
     source : str or Path
-        Path of a YAML file, or the name of a project that comes with the package.
+        Path of a YAML file, or the name of a project shipped with the package.
 
     Returns
     -------
     Project
-        With a whole campaign for each event.
+        Project with a complete campaign for each event.
 
     Raises
     ------
     InputError
-        There is no such file, it is no YAML, or a key or value in it is not allowed.
+        There is no such file, it is not YAML, or a key or value in it is not allowed.
     """
     path = Path(source)
     if not path.exists() and str(source) in shipped_projects():
@@ -149,7 +149,7 @@ def _event(event: str, own: object, shared: dict[Any, Any], *, name: str, folder
 
 
 def _merged(shared: Mapping[Any, Any], own: Mapping[Any, Any]) -> dict[Any, Any]:
-    """Return shared settings with an event's own in their place, key by key at every depth."""
+    """Return the shared settings with an event's settings replacing them, key by key at every depth."""
     merged = dict(shared)
     for key, value in own.items():
         before = merged.get(key)

@@ -1,4 +1,4 @@
-"""Settings that change: of a resumed campaign, as a whole file or its changed keys; of a decision at a hold point."""
+"""Changed settings of a resumed campaign (whole file or changed keys) and of a decision at a hold point."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ _DECIDED: Final = ("update", "control_band")
 
 @dataclass(frozen=True)
 class PartialSettings:
-    """Keys of `update`, `stop` or `control_band` that take the place of those of a recorded campaign.
+    """Keys of `update`, `stop` or `control_band` that replace those of a recorded campaign.
 
-    `name`: Of the file they were read from. `sections`: Some of these sections; each holds only the keys that change.
-    `remarks`: What to change in the file: keys that have another name now.
+    `name`: Name of the file. `sections`: Some of these sections, each with only the changed keys. `remarks`: Keys of
+    the file that have another name now.
     """
 
     name: str
@@ -40,8 +40,8 @@ def load_settings(source: str | Path) -> Campaign | PartialSettings:
 
     `source`: A YAML file with `update`, `stop` or both, each with the keys that change; or a whole campaign, as for
     `load_campaign`.
-    Returns: Whose `update` and `stop` count.
-    Raises `InputError`: There is no such file, it is no YAML, or a key or value in it is not allowed.
+    Returns: Settings of which `update` and `stop` are used.
+    Raises `InputError`: There is no such file, it is not YAML, or a key or value in it is not allowed.
     """
     if not isinstance(source, str | os.PathLike) or not Path(source).is_file():
         return load_campaign(source)
@@ -67,8 +67,8 @@ def decision_settings(source: PartialSettings | Mapping[str, Any] | str | Path) 
     """Return the settings of a decision at a hold point.
 
     `source`: A YAML file or a mapping with `update`, `control_band` or both, each with the keys that change.
-    Returns: Both checked as far as a part of a section can be.
-    Raises `InputError`: There is no such file, it is no YAML, or a key or value in it is not allowed.
+    Returns: Settings, checked as far as possible for a part of a section.
+    Raises `InputError`: There is no such file, it is not YAML, or a key or value in it is not allowed.
     """
     if isinstance(source, PartialSettings):
         return source
@@ -98,7 +98,7 @@ def _partial(content: dict[Any, Any], *, name: str) -> PartialSettings:
 
 
 def _require_known(section: str, keys: object, *, name: str) -> None:
-    """Refuse unknown keys and values that no campaign can have; that keys are missing is the point of it."""
+    """Refuse unknown keys and values that are never allowed; missing keys are allowed."""
     try:
         _SECTIONS[section].model_validate(keys)
     except ValidationError as error:
@@ -108,12 +108,12 @@ def _require_known(section: str, keys: object, *, name: str) -> None:
 
 
 def completed(settings: PartialSettings, parent: iterator_pb2.CampaignSpec) -> Campaign:
-    """Return the campaign file of a recorded campaign with other keys in `update` and `stop`.
+    """Return the campaign file of a recorded campaign with the changed keys.
 
-    `settings`: The keys that change. `parent`: As recorded, with its campaign file.
-    Returns: Its `text` is the new file, without the comments of the old one.
-    Raises `InputError`: The recording holds no campaign file of this version, or a value is not allowed beside those
-    that stay.
+    `settings`: Changed keys. `parent`: Recorded specification, with its campaign file.
+    Returns: Campaign whose `text` is the new file, without the comments of the old one.
+    Raises `InputError`: The recording has no campaign file of this version, or a value is not allowed together with
+    the unchanged ones.
     """
     recorded = _recorded_campaign(settings, parent)
     content, _ = today(dict(parse_yaml(recorded.text)), name=settings.name)
@@ -130,7 +130,7 @@ def completed(settings: PartialSettings, parent: iterator_pb2.CampaignSpec) -> C
 
 
 def _names(section: str, keys: dict[str, Any]) -> Iterator[str]:
-    """Yield the dotted keys that a part of a section gives, those of a section within it one by one."""
+    """Yield the dotted keys in a part of a section, including each key of a nested section."""
     for key, value in keys.items():
         nested = _is_section(_SECTIONS[section].model_fields[key].annotation) and isinstance(value, dict)
         yield from (f"{section}.{key}.{inner}" for inner in value) if nested else (f"{section}.{key}",)
@@ -141,7 +141,7 @@ def _is_section(kind: object) -> bool:
 
 
 def _merged(old: dict[str, Any], new: dict[str, Any], *, model: type[Section]) -> dict[str, Any]:
-    """Return a section with other keys; of a section within it, too, only the keys that are given change."""
+    """Return a section with changed keys; in a nested section, too, only the given keys change."""
     merged = {**old, **new}
     for key, field in model.model_fields.items():
         if _is_section(field.annotation) and key in old and key in new:

@@ -1,4 +1,4 @@
-"""Parts of a campaign file that follow from a rig's description: its channels, and an experiment within its limits."""
+"""Parts of a campaign file made from a rig's description: its channels, and an experiment within its limits."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from duralab.data import Channel, Rig
 from duralab.errors import InputError
 
 _RANGE_SHARE: Final = 0.03
-"""RMS of a drive as a share of its limit: peaks of about 4.5 times the RMS use an eighth of the range."""
+"""RMS of a drive as a share of its limit: with peaks of about 4.5 times the RMS, an eighth of the range is used."""
 _SLEW_SHARE: Final = 0.1
 """RMS of a drive's rate as a share of its slew limit: peaks use about half of it."""
 _BLOCK_SECONDS: Final = 2.0
@@ -24,7 +24,7 @@ _USABLE_BAND: Final = 0.4
 """Largest frequency of the experiment as a share of the sample rate."""
 _DECIBELS_PER_OCTAVE: Final = 3.0
 _BLOCKS_OF_EXPERIMENT: Final = 3
-"""One that dies out, two that are captured."""
+"""Number of blocks: one in which the transient decays, and two that are captured."""
 _FADE_SECONDS: Final = 1.0
 
 
@@ -90,7 +90,7 @@ def with_experiment(text: str, rig: Rig) -> str:
 
 
 def _length(rig: Rig, block_seconds: float) -> tuple[int, float]:
-    """Return the number of realisations, two, or one on a rig of short drives, and their length in s."""
+    """Return the number of realisations (two, or one on a rig with short drives) and their length in s."""
     each = len(rig.drives) * _BLOCKS_OF_EXPERIMENT * block_seconds
     for realisations in (2, 1):
         duration = float(math.ceil(realisations * each + _FADE_SECONDS))
@@ -104,7 +104,7 @@ def _length(rig: Rig, block_seconds: float) -> tuple[int, float]:
 
 
 def level_of(channel: Channel, rig: Rig, *, highest: float, corner: float) -> float:
-    """Return an RMS of a drive that stays well within its limits, in its unit."""
+    """Return an RMS of a drive well within its limits, in its unit."""
     allowed = []
     if _has_range(channel) and channel.minimum < 0.0 < channel.maximum:
         allowed.append(_RANGE_SHARE * min(-channel.minimum, channel.maximum))
@@ -121,7 +121,7 @@ def level_of(channel: Channel, rig: Rig, *, highest: float, corner: float) -> fl
 
 
 def _rate_of_unit_rms(*, highest: float, corner: float) -> float:
-    """Return the RMS rate in 1/s of a drive of RMS 1 whose density is flat to the corner and falls above it."""
+    """Return the RMS rate in 1/s of a drive of RMS 1 whose spectral density is flat to the corner and falls above."""
     frequency = np.geomspace(_LOWEST, highest, 4096)
     density = np.minimum(1.0, (frequency / corner) ** (-_DECIBELS_PER_OCTAVE / (10.0 * math.log10(2.0))))
     power = np.trapezoid(density, frequency)
@@ -129,13 +129,13 @@ def _rate_of_unit_rms(*, highest: float, corner: float) -> float:
 
 
 def _rounded_down(value: float) -> float:
-    """Return a value with two significant digits, not larger."""
+    """Return a value rounded down to two significant digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 1)
     return float(f"{math.floor(value / unit) * unit:.2g}")
 
 
 def _in_section(text: str, section: str, changes: tuple[tuple[str, str], ...]) -> str:
-    """Return a text in one of whose sections each pattern is replaced once."""
+    """Replace each pattern once in a section of a text; return the text."""
     found = re.search(rf"(?ms)^{section}:\n.*?(?=^# |\Z)", text)
     if found is None:
         raise ValueError(f"The shipped campaign has no section {section}.")
@@ -153,5 +153,5 @@ def _key(name: str) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a text of a rig for a comment: on one line, of letters that can be printed."""
+    """Return a text of a rig for a comment: one line of printable characters."""
     return " ".join("".join(letter if letter.isprintable() else " " for letter in text).split())

@@ -1,4 +1,4 @@
-"""From a campaign file, a rig and a target to the `CampaignSpec` that the iterator runs."""
+"""Conversion of a campaign file, a rig and a target to the `CampaignSpec` that the iterator runs."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ from duralab_settings import (
 from duralab_settings.messages import fill_message
 
 GAUSSIAN_CREST = 3.0
-"""Noise and random phases pass this multiple of their RMS often: a drive without room for it is refused at once."""
+"""Crest factor that noise and random phases often reach; a drive without room for it is refused."""
 
 
 def check_against_rig(campaign: Campaign, rig: Rig) -> None:
-    """Check everything of a campaign that depends on the rig, before anything is played.
+    """Check all settings of a campaign that depend on the rig, before anything is played.
 
-    `campaign`: The campaign. `rig`: The rig that is to play it.
+    `campaign`: Campaign to check. `rig`: Rig that will play it.
     Raises `InputError`: A band above half the sample rate, an unknown channel, a level beyond a limit, or a drive that
     is too long.
     """
@@ -46,7 +46,7 @@ def check_against_rig(campaign: Campaign, rig: Rig) -> None:
         levels = per_channel(given, _names(rig.drives), key=f"excitation.{name}")
         excitation.require_drives(_names(rig.drives))
         campaign.update.resolved(_names(rig.responses), drives=len(rig.drives))
-    # A peak is the drive's largest magnitude itself; a sweep and chosen phases stay near their RMS.
+    # A peak level is already the largest magnitude; sweeps and optimised phases have a crest factor near 1.
     near_rms = excitation.minimise_crest_factor or excitation.kind is ExcitationKind.SWEPT_SINE
     crest = 1.0 if name == "peak" or near_rms else GAUSSIAN_CREST
     for channel, level in zip(rig.drives, levels, strict=True):
@@ -80,7 +80,7 @@ def check_against_rig(campaign: Campaign, rig: Rig) -> None:
 
 @contextmanager
 def _fitting() -> Iterator[None]:
-    """Make an InputError of settings that do not fit a rig's channels."""
+    """Raise InputError for settings that do not fit a rig's channels."""
     try:
         yield
     except SettingsError as error:
@@ -94,8 +94,8 @@ def _names(channels: tuple[Channel, ...]) -> list[str]:
 def acceptance_message(accept: Acceptance) -> iterator_pb2.Acceptance:
     """Convert the acceptance limits to their message.
 
-    `accept`: What the user wrote.
-    Returns: A limit that is not judged is left out.
+    `accept`: Acceptance section of the campaign file.
+    Returns: Message without the limits that are not judged.
     """
     message = iterator_pb2.Acceptance()
     fill_message(message, accept)
@@ -105,8 +105,8 @@ def acceptance_message(accept: Acceptance) -> iterator_pb2.Acceptance:
 def excitation_message(excitation: ExcitationSettings, *, rig: Rig, seed: int) -> identifier_pb2.Excitation:
     """Convert the excitation to its message.
 
-    `excitation`: What the user wrote. `rig`: The rig that is identified. `seed`: Of what is random in it.
-    Returns: The settings as the identifier takes them.
+    `excitation`: Excitation section of the campaign file. `rig`: Rig to identify. `seed`: Seed of the random parts.
+    Returns: Settings for the identifier.
     Raises `InputError`: A level or a spectrum is that of an unknown drive, or a level is missing.
     """
     message = identifier_pb2.Excitation()
@@ -119,7 +119,7 @@ def estimator_message(estimator: EstimatorSettings) -> identifier_pb2.Estimator:
     """Convert the estimator to its message.
 
     `estimator`: Settings of the estimator.
-    Returns: The settings as the identifier takes them.
+    Returns: Settings for the identifier.
     """
     message = identifier_pb2.Estimator()
     fill_message(message, estimator)
@@ -129,8 +129,8 @@ def estimator_message(estimator: EstimatorSettings) -> identifier_pb2.Estimator:
 def update_message(update: UpdateSection, *, rig: Rig) -> iterator_pb2.UpdateSettings:
     """Convert the update to its message.
 
-    `update`: Settings of the update. `rig`: The rig, whose responses have the gains and weights.
-    Returns: The settings as the iterator takes them.
+    `update`: Settings of the update. `rig`: Rig whose responses have the gains and weights.
+    Returns: Settings for the iterator.
     """
     message = iterator_pb2.UpdateSettings()
     with _fitting():
@@ -142,7 +142,7 @@ def stop_message(stop: StopCriteria) -> iterator_pb2.StopCriteria:
     """Convert the stop criteria to their message.
 
     `stop`: Stop criteria of a campaign file.
-    Returns: The criteria as the iterator takes them.
+    Returns: Criteria for the iterator.
     """
     message = iterator_pb2.StopCriteria()
     fill_message(message, stop)
@@ -154,10 +154,9 @@ def build_specification(
 ) -> iterator_pb2.CampaignSpec:
     """Convert a campaign to its message.
 
-    `campaign`: What the user wrote. `id`: Name of the campaign in the lab. `rig`: The rig that reproduces the target.
-    `target`: All responses of the rig, in its order and at its sample rate. `source`: Where the target comes from, in
-    words.
-    Returns: The campaign as the iterator takes it.
+    `campaign`: Campaign file. `id`: Name of the campaign in the lab. `rig`: Rig that reproduces the target. `target`:
+    All responses of the rig, in its order and at its sample rate. `source`: Source of the target, as text.
+    Returns: Specification for the iterator.
     """
     specification = iterator_pb2.CampaignSpec(
         id=id,

@@ -1,4 +1,4 @@
-"""Start of a campaign from earlier knowledge: a model, a first drive, what other campaigns learned, a section."""
+"""Start of a campaign from earlier results: a model, a first drive, playbacks of other campaigns, a section."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from duralab_settings import NotNegative, Positive, Section
 
 
 class FirstSection(Section):
-    """A section of the target on which a separate campaign iterates before the whole."""
+    """Section of the target on which a separate campaign iterates before the whole target."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -29,7 +29,7 @@ _RECORDING = "the path of a recording.mcap, or the id of a campaign in the lab"
 
 
 class StartFrom(Section):
-    """Knowledge that is used before the first playback."""
+    """Earlier results that are used before the first playback."""
 
     model: str | None = Field(
         default=None,

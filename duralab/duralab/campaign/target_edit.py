@@ -14,9 +14,9 @@ Factor = Annotated[float, Field(allow_inf_nan=False)]
 
 
 class SourceChannel(Section):
-    """The channel of a file that a response of the rig is to follow; its name alone may stand for it."""
+    """Channel of a file that is the target of a response; may be given by its name alone."""
 
-    # The file may say `from`, which Python keeps for itself.
+    # The key in the file is `from`, a reserved word in Python.
     model_config = ConfigDict(serialize_by_alias=True)
 
     source: str = Field(alias="from", min_length=1, description="Name of the channel in the file, e.g. FZ_FL.")
@@ -42,7 +42,7 @@ class SourceChannel(Section):
 
 
 class Stretch(Section):
-    """A stretch of the target."""
+    """Part of the target."""
 
     model_config = ConfigDict(serialize_by_alias=True)
 
@@ -65,14 +65,14 @@ class RemoveMean(Section):
 
 
 class RemoveDrift(Section):
-    """Take a slow polynomial off, and leave the mean."""
+    """Remove a slow polynomial, and keep the mean."""
 
     order: int = Field(default=1, ge=1, le=9, description="Order of the polynomial; 1 is a straight line.")
     channels: tuple[str, ...] = Field(default=(), strict=False, description="Channels that are edited; left out: all.")
 
 
 class Filter(Section):
-    """Butterworth, forward and backward: nothing moves in time, and a corner halves the amplitude."""
+    """Butterworth filter, forward and backward: no phase shift, and half the amplitude at a corner."""
 
     low_pass: Positive | None = Field(default=None, description="Low-pass: upper cut-off frequency, in hertz.")
     high_pass: Positive | None = Field(default=None, description="High-pass: lower cut-off frequency, in hertz.")
@@ -114,13 +114,13 @@ class Filter(Section):
 
 
 class Resample(Section):
-    """Go over to another sample rate; what does not fit under half of it is removed."""
+    """Change the sample rate; frequencies above half the new rate are removed."""
 
     rate: Positive = Field(description="Sample rate of the rig, in hertz.")
 
 
 class Despike(Section):
-    """Find single wrong samples and put a smooth curve in their place."""
+    """Find single wrong samples and replace them by a smooth curve."""
 
     longest: Positive = Field(default=0.003, description="Largest width of a spike, at half its height, in seconds.")
     threshold: Positive = Field(
@@ -130,7 +130,7 @@ class Despike(Section):
 
 
 class TaperLevel(StrEnum):
-    """Level from which a target rises and to which it falls back."""
+    """Level at the begin and the end of a tapered target."""
 
     MEAN = "mean"
     ZERO = "zero"
@@ -149,20 +149,20 @@ class Taper(Section):
 
 
 class Segment(Stretch):
-    """A stretch of the target, once or more often."""
+    """Part of the target, once or repeated."""
 
     repeat: int = Field(default=1, ge=1, le=10_000, description="Number of times that the part is repeated.")
 
 
 class Join(Section):
-    """Join stretches of the target, in the given order."""
+    """Join parts of the target, in the given order."""
 
     segments: tuple[Segment, ...] = Field(strict=False, min_length=1, description="Parts, in this order.")
     cross_fade: NotNegative = Field(default=0.2, description="Duration of the cross-fade between parts, in seconds.")
 
 
 class ShortenByDamage(Section):
-    """Keep the sections that carry the damage of any channel."""
+    """Keep the sections that contain the damage of any channel."""
 
     keep: Gain = Field(description="Smallest share of each channel's pseudo-damage to keep, e.g. 0.95.")
     exponent: Positive = Field(default=5.0, le=20, description="Slope of the S-N line.")
@@ -176,7 +176,7 @@ EditSettings = Stretch | RemoveMean | RemoveDrift | Filter | Resample | Despike 
 
 
 class EditStep(Section):
-    """One step of editing; a step without settings may stand by its name alone."""
+    """One step of editing; a step without settings may be given by its name alone."""
 
     cut: Stretch | None = Field(default=None, description="Keep one part.")
     remove_mean: RemoveMean | None = Field(default=None, description="Remove the mean.")
@@ -209,7 +209,7 @@ class EditStep(Section):
 
     @property
     def name(self) -> str:
-        """The step as the file names it."""
+        """Name of the step in the file."""
         return next(name for name in type(self).model_fields if getattr(self, name) is not None)
 
     @property

@@ -1,4 +1,4 @@
-"""The text of a new campaign file: a shipped one under another name, for another rig, or with a measured target."""
+"""Text of a new campaign file: a shipped campaign with another name, for another rig, or with a measured target."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _NAME = re.compile(r"(?m)^name: .*$")
 _RIG = re.compile(r"(?m)^rig: .*\n")
 _HEADING = re.compile(r"\A(?:#.*\n)+")
 _TARGET = re.compile(r"(?ms)^target:\n.*?(?=^# |\Z)")
-"""From the key to the comment above the next one."""
+"""Section from its key to the comment above the next key."""
 
 
 def shipped_text(template: str) -> str:
@@ -30,7 +30,7 @@ def shipped_text(template: str) -> str:
 
     `template`: Name of the shipped campaign.
     Returns: YAML text with its comments.
-    Raises `InputError`: There is none of this name.
+    Raises `InputError`: There is no shipped campaign of this name.
     """
     if template not in (known := shipped_campaigns()):
         raise InputError(f"--from is {template!r}; shipped campaigns are {', '.join(known)}.", field="from")
@@ -38,7 +38,7 @@ def shipped_text(template: str) -> str:
 
 
 def campaign_name(path: Path) -> str:
-    """Return the name of a campaign in this file: the file's, in the letters that a name may have.
+    """Return a campaign name made from a file's name, with the letters that a name may have.
 
     `path`: Path of the campaign file.
     Returns: Name of the campaign.
@@ -48,7 +48,7 @@ def campaign_name(path: Path) -> str:
 
 
 def template_for(rig: str) -> str:
-    """Return the shipped campaign for a rig, or the default one where none is shipped for it.
+    """Return the shipped campaign for a rig, or the default one if there is none for it.
 
     `rig`: Name of the rig.
     Returns: Name of the shipped campaign.
@@ -60,9 +60,9 @@ def template_for(rig: str) -> str:
 def campaign_text(template: str, *, path: Path, rig: Rig | None = None, target: str | None = None) -> str:
     """Return the text of a campaign file, checked.
 
-    `template`: The shipped campaign to begin with. `path`: Of the file, which names the campaign. `rig`: The rig; that
-    of the shipped campaign where not given. For another rig, the experiment is made for its drives and its sample rate,
-    and without `target` the file names a target that is still to be put beside it. `target`: Section `target`, from
+    `template`: Shipped campaign to start from. `path`: Path of the file, which names the campaign. `rig`: Rig; the
+    shipped campaign's if not given. For another rig, the experiment is made for its drives and its sample rate, and
+    without `target` the file names a target file that the user must still add. `target`: Section `target`, from
     `measured_target`.
     Returns: YAML text that `parse_campaign` accepts, with its comments.
     Raises `InputError`: There is no such shipped campaign, or the rig does not describe the limits that an experiment
@@ -88,10 +88,10 @@ def campaign_text(template: str, *, path: Path, rig: Rig | None = None, target: 
 
 
 def measured_target(signals: Signals, *, source: Path, folder: Path, rig: Rig) -> tuple[str, list[str]]:
-    """Return the section `target` for a measured file, and the responses that have no channel of their name in it.
+    """Return the section `target` for a measured file, and the responses without a channel of the same name in it.
 
-    `signals`: What the file holds. `source`: The file. `folder`: Of the campaign file, where relative paths start.
-    `rig`: Whose responses are wanted.
+    `signals`: Signals of the file. `source`: Path of the file. `folder`: Folder of the campaign file, the base of
+    relative paths. `rig`: Rig with the responses.
     Returns: YAML text of the section, and the names of those responses.
     """
     given = {channel.name: channel.unit for channel in signals.channels}
@@ -108,7 +108,7 @@ def measured_target(signals: Signals, *, source: Path, folder: Path, rig: Rig) -
         lines.append("  # All have the names that the rig's responses have, so that nothing needs to be said.")
     else:
         lines.append("  channels:")
-        # Which channel is meant is not guessed: a wrong one would be reproduced without a word.
+        # The channel is not guessed: a wrong one would be reproduced without a warning.
         lines += [f"    {name}: {name if known else f'CHANNEL_FOR_{name.upper()}'}" for name, known in mapping]
     if signals.sample_rate != rig.sample_rate:
         lines += ["  # What is done with it, one step after the other.", "  edit:"]
@@ -117,7 +117,7 @@ def measured_target(signals: Signals, *, source: Path, folder: Path, rig: Rig) -
 
 
 def awaited_target(rig: Rig) -> str:
-    """Return the section `target` for a file that is not there yet."""
+    """Return the section `target` for a file that does not exist yet."""
     wanted = [f"{plain(channel.name)} [{plain(channel.unit)}]" for channel in rig.responses]
     return "\n".join(
         [
@@ -143,5 +143,5 @@ def _listed(names: Sequence[str], *, width: int = 116) -> list[str]:
 
 
 def _quoted(path: str) -> str:
-    """Return a path as YAML takes it."""
+    """Return a path, quoted for YAML if necessary."""
     return path if re.fullmatch(r"[A-Za-z0-9_./-]+", path) and path[0] != "-" else "'" + path.replace("'", "''") + "'"

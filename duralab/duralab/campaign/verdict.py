@@ -1,4 +1,4 @@
-"""Was the target reached? The one place that answers, for the report, the command line and a lab script alike."""
+"""Verdict whether the target was reached, shared by the report, the command line and lab scripts."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _ENDS: Final = MappingProxyType(
 )
 
 _ALL_USED: Final = " The campaign used all planned iterations."
-"""In place of "all playbacks were used", which sounds like a failure beside a target that was reached."""
+"""Replaces "all playbacks were used", which sounds like a failure after a reached target."""
 
 _MOST_DECIMALS: Final = 6
 
@@ -42,7 +42,7 @@ class Judgement(StrEnum):
 
 
 class Criterion(StrEnum):
-    """Figures that a result is judged by, named as in the section `accept` of a campaign file."""
+    """Criteria of a result, named as in the section `accept` of a campaign file."""
 
     ERROR = "relative_rms_error"
     PEAK = "peak_ratio"
@@ -52,10 +52,10 @@ class Criterion(StrEnum):
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a result; None leaves a figure unjudged.
+    """Limits of a result; a criterion with None is not judged.
 
     `relative_rms_error`: Largest relative RMS error of a controlled channel. `peak_ratio`, `damage_ratio`: Smallest and
-    largest, response over target. `damage_exponent`: Slope of the S-N line that damage is judged at: 3, 5 or 8.
+    largest ratio of response to target. `damage_exponent`: Slope of the S-N line for the damage: 3, 5 or 8.
     `energy_outside_band`: Largest share of the target's energy outside the control band, 0 to 1.
     """
 
@@ -66,12 +66,12 @@ class Limits:
     energy_outside_band: float | None = 0.1
 
     def bounds(self, criterion: Criterion) -> tuple[float, float] | None:
-        """Return the smallest and the largest value of a figure that is accepted; None where it is not judged."""
+        """Return the smallest and largest accepted value of a criterion; None if it is not judged."""
         limit = getattr(self, criterion.value)
         return limit if limit is None or isinstance(limit, tuple) else (0.0, limit)
 
     def name(self, criterion: Criterion) -> str:
-        """Return what a figure is called in a sentence."""
+        """Return the name of a criterion in a sentence."""
         return {
             Criterion.ERROR: "relative RMS error",
             Criterion.PEAK: "peak",
@@ -80,7 +80,7 @@ class Limits:
         }[criterion]
 
     def allowed(self, criterion: Criterion) -> str:
-        """Return the limits of a figure that is judged, e.g. "0.8 to 1.25" or "up to 5 %"."""
+        """Return the limits of a criterion as text, e.g. "0.8 to 1.25" or "up to 5 %"."""
         bounds = self.bounds(criterion)
         if bounds is None:
             return "any"
@@ -91,9 +91,9 @@ class Limits:
 
 @dataclass(frozen=True)
 class Finding:
-    """One figure of one controlled channel of the best playback, beside its limits.
+    """Value of a criterion for one controlled channel of the best playback, with its limits.
 
-    `criterion`: Which figure. `channel`: Name of the response. `value`: The figure. `smallest`, `largest`: Limits.
+    `criterion`: Criterion. `channel`: Name of the response. `value`: Its value. `smallest`, `largest`: Limits.
     """
 
     criterion: Criterion
@@ -104,18 +104,18 @@ class Finding:
 
     @property
     def accepted(self) -> bool:
-        """Whether the figure lies within its limits."""
+        """Whether the value is within its limits."""
         return self.smallest <= self.value <= self.largest
 
     @property
     def badness(self) -> float:
-        """Deviation of the figure, to find the worst of a criterion: ratios count alike above and below 1."""
+        """Deviation, to find the worst value of a criterion; ratios above and below 1 count equally."""
         if self.criterion in (Criterion.ERROR, Criterion.OUTSIDE):
             return self.value
         return abs(np.log(self.value)) if self.value > 0.0 else np.inf
 
     def __str__(self) -> str:
-        """Return the figure; with more decimals where fewer would round it to the other side of a limit."""
+        """Return the value as text, with enough decimals that rounding does not move it across a limit."""
         factor, unit = (100.0, " %") if self.criterion is Criterion.OUTSIDE else (1.0, "")
         fewest = {Criterion.OUTSIDE: 1, Criterion.DAMAGE: 2}.get(self.criterion, 3)
         for decimals in range(fewest, _MOST_DECIMALS):
@@ -127,18 +127,18 @@ class Finding:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer and its reason.
+    """Verdict on a campaign and its reason.
 
     Parameters
     ----------
     judgement : Judgement
-        The answer.
+        Judgement.
     sentence : str
-        What a reader needs to know first, with the numbers.
+        Summary of the verdict, with the numbers.
     limits : Limits
-        What the best playback was judged by.
+        Limits for the best playback.
     findings : tuple of Finding
-        Its figures that have a limit and are known; empty where no playback can be judged.
+        Judged values of the best playback; empty if no playback can be judged.
     """
 
     judgement: Judgement
@@ -148,29 +148,29 @@ class Verdict:
 
     @property
     def failed(self) -> tuple[Finding, ...]:
-        """The figures outside their limits."""
+        """Findings outside their limits."""
         return tuple(finding for finding in self.findings if not finding.accepted)
 
     def of(self, channel: str, criterion: Criterion) -> Finding | None:
-        """Return one figure of a channel.
+        """Return the finding of one criterion for a channel.
 
         Parameters
         ----------
         channel : str
             Name of the response.
         criterion : Criterion
-            Which figure.
+            Criterion.
 
         Returns
         -------
         Finding or None
-            None where it is not judged: the channel is watched, its limit is null, or the figure is not known.
+            None if it is not judged: the channel is only monitored, its limit is null, or the value is unknown.
         """
         return next((f for f in self.findings if f.channel == channel and f.criterion is criterion), None)
 
 
 def limits_of(specification: iterator_pb2.CampaignSpec, table: IterationTable) -> tuple[Limits, str]:
-    """Return what a campaign is judged by, and where that comes from if not from its specification."""
+    """Return the limits of a campaign, and a note on their source if it is not the specification."""
     defaults = "it is judged by the defaults of this version of Duralab"
     if specification.HasField("accept"):
         try:
@@ -203,7 +203,7 @@ def _limits(*, damage_exponent: float, **limits: Any) -> Limits:
 
 
 def _acceptance_in_text(specification: iterator_pb2.CampaignSpec, *, defaults: str) -> tuple[Acceptance | None, str]:
-    """Return the section `accept` of a recorded campaign file, and a sentence that says where the limits are from.
+    """Return the section `accept` of a recorded campaign file, and a sentence about the source of the limits.
 
     Without such a section the sentence has no full stop yet.
     """
@@ -238,10 +238,10 @@ def judge(
 ) -> Verdict:
     """Judge a campaign by its best playback.
 
-    `table`: The figures of its playbacks; `table.best` is the one judged. `specification`: What was asked for; see
-    `limits_of`. `status`: How it ended; None where it did not. `open_end`: Why its recording may continue elsewhere, in
-    words; empty where it does not.
-    Returns: Judgement, its sentence and the figures beside their limits.
+    `table`: Numbers of its playbacks; `table.best` is judged. `specification`: Its specification; see `limits_of`.
+    `status`: Status at its end; None if it did not end. `open_end`: Reason, as text, why its recording may continue
+    elsewhere; empty if it does not.
+    Returns: Judgement, its sentence, and the values with their limits.
     """
     limits, note = limits_of(specification, table)
     verdict = _judged(table, limits, status=status, open_end=open_end)
@@ -259,7 +259,7 @@ def _judged(
         done = f"{len(table)} playback{'' if len(table) == 1 else 's'} done"
         return Verdict(Judgement.ENDED_EARLY, f"The campaign ended early, {done}: {ended(reason)}", limits, findings)
     if status.outcome == iterator_pb2.OUTCOME_RESPONSE_STOOD_STILL:
-        # No figure is judged: that of a dead sensor may be any.
+        # No value is judged: the value from a dead sensor means nothing.
         return Verdict(
             Judgement.ENDED_EARLY,
             f"The campaign ended early: in playback {table.numbers[-1]} a controlled response stood still while its "
@@ -297,7 +297,7 @@ def _judged(
 
 
 def _figures(table: IterationTable, limits: Limits) -> dict[Criterion, np.ndarray]:
-    """Return the figures of the best playback by criterion, shape (channels) each."""
+    """Return the values of the best playback by criterion, shape (channels) each."""
     best = table.best
     return {
         Criterion.ERROR: table.relative_rms_error[best],
@@ -318,7 +318,7 @@ def _findings(table: IterationTable, limits: Limits) -> tuple[Finding, ...]:
 
 
 def _failures(failed: list[Finding], limits: Limits) -> str:
-    """Return for each criterion that failed its channels and the worst value."""
+    """Return the channels and the worst value of each failed criterion, as text."""
     parts = []
     for criterion in Criterion:
         found = [finding for finding in failed if finding.criterion is criterion]
@@ -333,7 +333,7 @@ def _failures(failed: list[Finding], limits: Limits) -> str:
 
 
 def _worst_of_each(findings: tuple[Finding, ...], limits: Limits) -> str:
-    """Return for each criterion the channel that comes closest to failing, beside what is allowed."""
+    """Return the worst channel of each criterion with its limits, as text."""
     worst = {
         criterion: max((f for f in findings if f.criterion is criterion), key=lambda f: f.badness, default=None)
         for criterion in Criterion
@@ -346,7 +346,7 @@ def _worst_of_each(findings: tuple[Finding, ...], limits: Limits) -> str:
 
 
 def _not_judged(table: IterationTable, limits: Limits) -> str:
-    """Return which figures are not judged, and why."""
+    """Return the criteria that are not judged, with the reasons, as text."""
     parts = []
     for criterion, values in _figures(table, limits).items():
         unknown = [
@@ -363,9 +363,9 @@ def _not_judged(table: IterationTable, limits: Limits) -> str:
 
 
 def compare_with_first(table: IterationTable) -> str:
-    """Return as text how the best playback compares with the first, channel by channel.
+    """Compare the best playback with the first, channel by channel, as text.
 
-    `table`: Figures of one playback or more.
+    `table`: Numbers of one or more playbacks.
     Returns: One or more sentences.
     """
     if len(table) < 2:
@@ -383,7 +383,7 @@ def compare_with_first(table: IterationTable) -> str:
 
 
 def repeatability_in_words(status: iterator_pb2.CampaignStatus) -> str:
-    """Return in one sentence how the error compares with what the rig repeats; nothing where no drive was repeated.
+    """Compare the error with the rig's repeatability in one sentence; empty if no drive was repeated.
 
     `status`: Status of an ended campaign.
     Returns: One sentence, or an empty string.
@@ -411,12 +411,12 @@ def _words(name: str) -> str:
 def judged_rows(
     table: IterationTable, verdict: Verdict, *, slope: int
 ) -> tuple[list[tuple[str, str]], list[list[str]]]:
-    """Return the figures of the best playback that are judged, with ✗ at those outside their limits.
+    """Return the judged values of the best playback, with ✗ at those outside their limits.
 
-    The heading of each column is its name and what is allowed, or its unit.
+    The heading of each column is its name and its limits or unit.
 
-    `table`: One playback or more. `verdict`: On the best of them. `slope`: Of the S-N line that the damage spent is
-    counted at.
+    `table`: Numbers of one or more playbacks. `verdict`: Verdict on the best of them. `slope`: Slope of the S-N line
+    for the damage spent.
     Returns: Headings of the columns, each with its limits or unit, and a row of cells for each channel.
     """
     limits, spent = verdict.limits, table.damage_spent(slope)[-1]

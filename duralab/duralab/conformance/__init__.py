@@ -1,4 +1,4 @@
-"""Does a rig keep the contract of docs/contract.md: a simulated one, or a real one behind its gateway."""
+"""Check whether a rig, simulated or real behind its gateway, conforms to the contract of docs/contract.md."""
 
 from duralab.conformance.bench import Finding, Outcome, all_passed
 from duralab.conformance.checking import check_rig

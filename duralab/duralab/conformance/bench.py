@@ -1,4 +1,4 @@
-"""A rig on a conformance check: what is asked of it, and everything it publishes meanwhile."""
+"""Rig under a conformance check: requests to it, and all messages that it publishes."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Outcome(StrEnum):
 
 @dataclass(frozen=True)
 class Finding:
-    """One line of a conformance check; `sentence` is why it failed or was not tried, else empty."""
+    """Result of one check; `sentence` is the reason of a failure, or why it was not tried, else empty."""
 
     check: str
     outcome: Outcome
@@ -44,29 +44,29 @@ class NotTriedError(Exception):
 
 
 def expect(condition: bool, sentence: str) -> None:
-    """Raise a breach where a condition does not hold."""
+    """Raise BreachError if a condition is false."""
     if not condition:
         raise BreachError(sentence)
 
 
 def all_passed(findings: Iterable[Finding]) -> bool:
-    """Return whether nothing failed; what was not tried is no failure."""
+    """Return whether no check failed; a check that was not tried is not a failure."""
     return all(finding.outcome is not Outcome.FAILED for finding in findings)
 
 
-#: Answers and stream messages that are due are waited for so long.
+#: Longest wait for due answers and stream messages.
 PATIENCE_SECONDS: Final = 5.0
-#: Signal blocks that were lost on the way are asked for again, which a busy machine does slowly.
+#: Longest wait for lost signal blocks, which are requested again; this is slow on a busy machine.
 REPAIR_SECONDS: Final = 20.0
 
 
 class Bench:
-    """One rig; subscribe first, then ask. To be closed."""
+    """Subscriptions and requests of one rig; it subscribes before any request. Must be closed."""
 
     def __init__(self, bus: Bus, rig: str, *, seconds: float) -> None:
         self.bus = bus
         self.rig = rig
-        #: Length of the drives it is moved with.
+        #: Length of the test drives in s.
         self.seconds = seconds
         self.description = rig_pb2.RigDescription()
         self.states: list[StreamItem[rig_pb2.RigState]] = []
@@ -74,7 +74,7 @@ class Bench:
         self.poses: list[StreamItem[rig_pb2.PoseBlock]] = []
         self.problems: list[str] = []
         self._changed = threading.Condition()
-        # New for every check, so that no name was ever played.
+        # Unique for every check, so that no name was played before.
         self._prefix = f"check-{uuid.uuid4().hex[:12]}"
         self._count = 0
         keys = bus.keys
@@ -88,7 +88,7 @@ class Bench:
         ]
 
     def close(self) -> None:
-        """Receive no more."""
+        """Close the subscriptions."""
         for subscription in self._subscriptions:
             subscription.close()
 
@@ -98,13 +98,13 @@ class Bench:
         return f"{self._prefix}.{self._count:02d}"
 
     def describe(self) -> rig_pb2.RigDescription:
-        """Ask for the description."""
+        """Query the description."""
         return self.bus.query(
             self.bus.keys.rig_description(self.rig), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription
         )
 
     def state(self) -> rig_pb2.RigState:
-        """Ask for the state."""
+        """Query the state."""
         return self.bus.query(self.bus.keys.rig_state(self.rig), rig_pb2.StateRequest(), rig_pb2.RigState)
 
     def stop(self, reason: str) -> rig_pb2.RigState:
@@ -127,7 +127,7 @@ class Bench:
         sample_rate: float | None = None,
         on_progress: Callable[[query_pb2.Progress], None] | None = None,
     ) -> rig_pb2.PlayResult:
-        """Play a drive (drives, samples), with the description's channels and rate where none are given."""
+        """Play a drive (drives, samples), by default with the description's channels and rate."""
         record = array_pb2.Record(
             channels=self.description.drives if channels is None else channels,
             sample_rate=self.description.sample_rate if sample_rate is None else sample_rate,
@@ -137,22 +137,22 @@ class Bench:
         return self.bus.query(self.bus.keys.rig_play(self.rig), request, rig_pb2.PlayResult, on_progress=on_progress)
 
     def blocks_of(self, run: str) -> list[StreamItem[rig_pb2.SignalBlock]]:
-        """Return what came on the signal stream of a run, in order."""
+        """Return the received signal blocks of a run, in order."""
         with self._changed:
             return [item for item in self.blocks if item.key.rpartition("/")[2] == run]
 
     def lost_blocks(self, run: str, epoch: int) -> int:
-        """Return how many signal blocks of a run were lost on the way here and are kept by the rig no longer."""
+        """Return the number of lost signal blocks of a run that the rig no longer keeps."""
         proof = self._signal.proof(self.bus.keys.rig_signal(self.rig, run), epoch)
         return sum(gap.stop - gap.start for gap in proof.lost)
 
     def modes(self) -> list[tuple[rig_pb2.RigMode, str]]:
-        """Return modes and runs that were published so far."""
+        """Return the modes and runs published so far."""
         with self._changed:
             return [(item.message.mode, item.message.run) for item in self.states]
 
     def wait(self, condition: Callable[[], bool], seconds: float = PATIENCE_SECONDS) -> bool:
-        """Wait until something received makes a condition true; return whether it is."""
+        """Wait until a condition becomes true; return whether it is true."""
         deadline = time.monotonic() + seconds
         while not condition():
             with self._changed:
@@ -176,7 +176,7 @@ class Bench:
 
 
 def check_numbering(items: Iterable[StreamItem], what: str) -> None:
-    """Check that a stream has one epoch and that nothing of it is missing, doubled or out of order."""
+    """Check that a stream has one epoch and no missing, repeated or misordered item."""
     expected: tuple[int, int] | None = None
     for item in items:
         if expected is not None and (item.epoch, item.seq) != expected:

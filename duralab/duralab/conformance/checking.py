@@ -1,4 +1,4 @@
-"""The whole conformance check of a rig: every check once, in an order in which a bad rig is moved least."""
+"""Conformance check of a rig: every check once, in an order that moves a faulty rig as little as possible."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _NAME = re.compile(r"[a-z][a-z0-9_]*")
 
 
 def check_is_live(bench: Bench) -> None:
-    """Check that its liveliness token is on the bus."""
+    """Check that the rig's liveliness token is on the bus."""
     expect(
         ("rig_sim", bench.rig) in bench.bus.discover("rig_sim", bench.rig),
         f"the liveliness token live/rig_sim/{bench.rig} is not on the bus; declare it last.",
@@ -29,7 +29,7 @@ def check_is_live(bench: Bench) -> None:
 
 
 def check_figures(bench: Bench) -> None:
-    """Check that name, rate, lengths, statics and hash are there and make sense."""
+    """Check that name, rate, lengths, static response and hash are present and valid."""
     description = bench.description
     expect(description.rig == bench.rig, f"the description is of {description.rig!r}; asked was {bench.rig!r}.")
     for field in ("specimen", "engine", "version"):
@@ -52,7 +52,7 @@ def check_figures(bench: Bench) -> None:
 
 
 def check_channels(bench: Bench) -> None:
-    """Check that names, units and limits of drives and responses make sense."""
+    """Check that names, units and limits of drives and responses are valid."""
     _check_channels("drive", bench.description.drives)
     _check_channels("response", bench.description.responses)
     _check_sensors(bench.description.responses)
@@ -87,7 +87,7 @@ def _check_sensors(responses: Sequence[array_pb2.Channel]) -> None:
 
 
 def check_is_stable(bench: Bench) -> None:
-    """Check that asked again, it says the same."""
+    """Check that a second query returns the same description."""
     again = bench.describe()
     expect(
         again.SerializeToString(deterministic=True) == bench.description.SerializeToString(deterministic=True),
@@ -96,7 +96,7 @@ def check_is_stable(bench: Bench) -> None:
 
 
 def check_is_idle(bench: Bench) -> None:
-    """Check that it may be played: nothing plays, nothing is latched."""
+    """Check that the rig can play: it is at rest and not latched."""
     state = bench.state()
     expect(state.rig == bench.rig, f"the state is of {state.rig!r}; asked was {bench.rig!r}.")
     expect(
@@ -136,10 +136,10 @@ MOVE_SECONDS = 2.0
 
 
 def check_rig(bus: Bus, rig: str, *, seconds: float = MOVE_SECONDS, tell: Tell | None = None) -> list[Finding]:
-    """Run the contract of docs/contract.md against a rig on the bus; return one finding for each check, in order.
+    """Check a rig on the bus against docs/contract.md; return one finding for each check, in order.
 
     The rig is moved twice for `seconds`, by at most 5 % of its limits, stopped once and reset. A rig that is not idle
-    is left alone. `tell` is called with each finding as soon as it is made.
+    is not moved. `tell` is called with each finding at once.
     """
     with closing(Bench(bus, rig, seconds=seconds)) as bench:
         run = _Run(tell or (lambda _finding: None))
@@ -193,7 +193,7 @@ def _check_states(bench: Bench) -> None:
 
 
 class _Run:
-    """Makes checks and keeps what was found."""
+    """Runner of checks that collects the findings."""
 
     def __init__(self, tell: Tell) -> None:
         self.findings: list[Finding] = []
@@ -201,11 +201,11 @@ class _Run:
         self._given_up = ""
 
     def give_up(self, sentence: str) -> None:
-        """Try nothing from here on."""
+        """Skip all further checks."""
         self._given_up = sentence
 
     def __call__(self, name: str, check: Callable[[], None]) -> bool:
-        """Make a check; return whether it passed."""
+        """Run a check; return whether it passed."""
         finding = self._make(name, check)
         self.findings.append(finding)
         self._tell(finding)

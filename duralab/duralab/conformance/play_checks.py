@@ -1,4 +1,4 @@
-"""Checks of a short playback: its result, its blocks, its progress, what the state stream says."""
+"""Checks of a short playback: result, signal blocks, progress, state stream."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from duralab.conformance.refusal_checks import gentle_drive
 from duralab_proto.arrays import from_array, from_record
 from duralab_proto.v1 import query_pb2, rig_pb2
 
-#: The contract says a second; the rest is the bus's.
+#: Limit of the contract, 1 s, and a margin for the bus.
 LONGEST_SILENCE_SECONDS = 1.5
 PULSE_SECONDS = 0.05
 
 
 class Pulse:
-    """Measures for how long this process did not run: such a pause is not the silence of a rig."""
+    """Measurement of pauses of this process, which must not count as silence of a rig."""
 
     def __init__(self) -> None:
         self._ended = threading.Event()
@@ -42,7 +42,7 @@ class Pulse:
 
 
 class PlayChecks:
-    """One playback in real time, looked at from several sides."""
+    """Checks of one playback in real time."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -55,7 +55,7 @@ class PlayChecks:
         self._played = False
 
     def check_plays(self) -> None:
-        """Check that it plays a gentle drive and answers with as many finite response samples."""
+        """Check that the rig plays a gentle drive and returns the same number of finite response samples."""
         bench, description = self._bench, self._bench.description
         self._drive = gentle_drive(description, bench.seconds)
         heard = time.monotonic()
@@ -100,7 +100,7 @@ class PlayChecks:
         )
 
     def check_stream(self) -> None:
-        """Check that its signal blocks are whole, and equal the drive and the result."""
+        """Check that the signal blocks are complete, and equal to the drive and the result."""
         self._need()
         bench, result = self._bench, self._result
 
@@ -133,7 +133,7 @@ class PlayChecks:
         )
 
     def check_progress(self) -> None:
-        """Check that it tells of its progress at least every second."""
+        """Check that the rig reports progress at least every second."""
         self._need()
         expect(
             bool(self._fractions) or self._bench.seconds < 1.0,
@@ -149,7 +149,7 @@ class PlayChecks:
         )
 
     def check_state(self) -> None:
-        """Check that the state stream says that it plays the run, and then that it is idle."""
+        """Check that the state stream reports the run as playing, and then idle."""
         self._need()
         bench = self._bench
         playing, idle = (rig_pb2.RIG_MODE_PLAYING, self._run), (rig_pb2.RIG_MODE_IDLE, "")
@@ -187,7 +187,7 @@ class PlayChecks:
 
     @property
     def played_run(self) -> str:
-        """A run that was played to its end."""
+        """Name of the run that was played to its end."""
         self._need()
         return self._run
 
@@ -197,7 +197,7 @@ class PlayChecks:
 
 
 def check_signal(bench: Bench, run: str, *, epoch: int | None) -> None:
-    """Check the blocks of a run that has ended, whatever was played."""
+    """Check the blocks of an ended run, with any drive."""
     items = bench.blocks_of(run)
     description = bench.description
     expect(bool(items), "no signal block came.")

@@ -1,4 +1,4 @@
-"""Checks of what must be refused before anything moves: each request is wrong in one way only."""
+"""Checks of requests that must be refused before anything moves; each has one error only."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from duralab.conformance.bench import Bench, BreachError, NotTriedError, expect
 from duralab_bus import FaultError
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 
-#: Share of each channel's limits and slew limit that a played drive uses at most.
+#: Largest share of each channel's limits and slew limit in a played drive.
 GENTLE = 0.05
 _FREQUENCY = 1.0
 
@@ -39,7 +39,7 @@ def beyond_limit(description: rig_pb2.RigDescription) -> np.ndarray:
     """Return a drive whose first channel goes smoothly to 2 % beyond its maximum, (drives, samples)."""
     channel, rate = description.drives[0], description.sample_rate
     wanted = 1.02 * channel.maximum if channel.maximum > 0.0 else 0.02 * -channel.minimum
-    # A raised cosine of height h in T s moves at pi h / (2 T) at most: half the slew limit, or a second.
+    # A raised cosine of height h in T s has the largest slope pi h / (2 T): half the slew limit, or T is 1 s.
     seconds = np.pi * wanted / channel.slew_limit if channel.slew_limit > 0.0 else 1.0
     drive = np.zeros((len(description.drives), max(round(seconds * rate), 10)))
     drive[0] = 0.5 * wanted * (1.0 - np.cos(np.linspace(0.0, np.pi, drive.shape[1])))
@@ -47,9 +47,9 @@ def beyond_limit(description: rig_pb2.RigDescription) -> np.ndarray:
 
 
 def jump(description: rig_pb2.RigDescription) -> np.ndarray | None:
-    """Return a drive with one step a little faster than allowed, (drives, samples); None where no channel has a limit.
+    """Return a drive with one step slightly above a slew limit, (drives, samples); None if no channel has one.
 
-    It stays within 10 % of the channel's limits, on the first channel where that is possible.
+    The step is on the first channel on which it stays within 10 % of the channel's maximum.
     """
     rate = description.sample_rate
     for index, channel in enumerate(description.drives):
@@ -68,7 +68,7 @@ _SAMPLES = 50
 def check_refused(
     bench: Bench, play: Callable[[], object], *, run: str, code: query_pb2.FaultCode, field: str, why: str
 ) -> None:
-    """Check that a playback is refused with a code, a field and a sentence, and that nothing of it is published."""
+    """Check that a playback is refused with code, field and sentence, and that no signal block is published."""
     wanted = query_pb2.FaultCode.Name(code)
     try:
         play()
@@ -88,14 +88,14 @@ def check_refused(
 
 
 class RefusalChecks:
-    """Bad requests, harmless ones first: a rig that plays one of them is not asked for a jump."""
+    """Checks of bad requests, harmless ones first: a rig that plays one of them gets no jump."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
         self._all_refused = True
 
     def checks(self) -> dict[str, Callable[[], None]]:
-        """Return the check of each bad request, by name, in the order in which they are tried."""
+        """Return the check of each bad request, by name, in the order of the checks."""
         description = self._bench.description
         return {
             "refuse.sample_rate": lambda: self._refused(
@@ -149,7 +149,7 @@ class RefusalChecks:
         self._refused(why="a drive with a jump", drive=drive)
 
     def check_twice(self, played: str) -> None:
-        """Check the refusal of a run name that was played."""
+        """Check that the name of a played run is refused."""
         bench = self._bench
         count = len(bench.blocks_of(played))
         try:
@@ -183,7 +183,7 @@ class RefusalChecks:
         bench = self._bench
         name = run or bench.new_run()
         asked = self._still() if drive is None else drive
-        # Only what was refused for sure leaves this unchanged.
+        # Stays False if the check below raises, i.e. if the request was not properly refused.
         before, self._all_refused = self._all_refused, False
         check_refused(
             bench,

@@ -1,4 +1,4 @@
-"""Checks of stop, latch and reset: a gentle playback in real time that is stopped half-way."""
+"""Checks of stop, latch and reset with a gentle playback in real time that is stopped halfway."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from duralab_proto.arrays import from_array, from_record
 from duralab_proto.v1 import query_pb2, rig_pb2
 
 REASON = "conformance check"
-#: At the end of a ramp down, shares of a drive's limits.
+#: Tolerance of a drive at the end of a ramp down, as a share of its limits.
 _AT_ZERO = 1.0e-3
 _STOP_AT = 0.4
 
 
-#: A playback in real time that cannot be stopped takes this share of its drive's length at least.
+#: Shortest time of a whole playback in real time, as a share of its drive's length.
 _WHOLE = 0.9
 
 
 class StopChecks:
-    """One playback that is stopped, or continues to its end where the description says that it cannot be."""
+    """Checks of a playback that is stopped, or continues to its end if the description states `cannot_be_stopped`."""
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
@@ -41,7 +41,7 @@ class StopChecks:
         )
 
     def check_busy_and_stops(self) -> None:
-        """Check that while it plays it refuses another drive; a stop latches it with the reason."""
+        """Check that a playing rig refuses another drive, and that a stop latches it with the reason."""
         with Pulse() as pulse:
             try:
                 self._check_busy_and_stops(pulse)
@@ -68,7 +68,7 @@ class StopChecks:
                 field="",
                 why="a second drive while one plays",
             )
-        except Exception as error:  # noqa: BLE001 - the rig is stopped first, whatever it was
+        except Exception as error:  # noqa: BLE001 - after any error the rig is stopped first
             busy = error
         # A pause of this process may have hidden the moment when the drive began.
         self._late = time.monotonic() - began + pulse.longest_pause >= _WHOLE * bench.seconds
@@ -84,7 +84,7 @@ class StopChecks:
         )
         expect(state.reason == REASON, f"the latch has the reason {state.reason!r}; the stop said {REASON!r}.")
         if bench.description.cannot_be_stopped:
-            # A playback that was cancelled did rest: `check_ends_cancelled` names that.
+            # A cancelled playback is at rest; `check_ends_cancelled` reports it.
             expect(
                 isinstance(self._outcome, FaultError) or state.run == self._run or answered >= _WHOLE * bench.seconds,
                 f"a stop was answered {answered:.1f} s after the drive of {bench.seconds:g} s began as if the rig "
@@ -98,7 +98,7 @@ class StopChecks:
             )
 
     def check_ends_cancelled(self) -> None:
-        """Check that the playback ends with CANCELLED, or with its result where it cannot be stopped."""
+        """Check that the playback ends with CANCELLED, or with its result if it cannot be stopped."""
         self._need()
         expect(self._outcome is not None, "the stopped playback was never answered.")
         if self._bench.description.cannot_be_stopped:
@@ -110,7 +110,7 @@ class StopChecks:
         expect(ended == "CANCELLED", f"the stopped playback was answered with {ended} instead of CANCELLED.")
 
     def _check_goes_on(self) -> None:
-        """Check that what cannot be stopped was played to its end and answered."""
+        """Check that a playback that cannot be stopped was played to its end and answered."""
         if isinstance(self._outcome, FaultError):
             ended = f"{self._outcome.code_name}: {self._outcome.message}"
             expect(False, f"a playback that cannot be stopped ended with {ended}; answer it with its result.")
@@ -122,7 +122,7 @@ class StopChecks:
             )
 
     def check_ramps_down(self) -> None:
-        """Check that the blocks are whole, and bring all drives to zero without a jump."""
+        """Check that the signal blocks are complete, and that all drives end at zero without a jump."""
         self._need()
         bench, description = self._bench, self._bench.description
         modes = bench.modes()
@@ -145,7 +145,7 @@ class StopChecks:
             )
 
     def check_state(self) -> None:
-        """Check that the state stream said so, with the reason."""
+        """Check that the state stream reported the latch with the reason."""
         self._need()
         bench = self._bench
 
@@ -164,7 +164,7 @@ class StopChecks:
         )
 
     def check_refuses(self) -> None:
-        """Check that while latched, it refuses to play."""
+        """Check that the latched rig refuses to play."""
         self._need()
         bench, run = self._bench, self._bench.new_run()
         check_refused(
@@ -177,7 +177,7 @@ class StopChecks:
         )
 
     def check_resets(self) -> None:
-        """Check that a reset clears the latch, the state stream says so, and it plays again."""
+        """Check that a reset clears the latch, that the state stream reports it, and that the rig plays again."""
         self._need()
         bench = self._bench
         state = bench.reset()
@@ -212,16 +212,16 @@ class StopChecks:
         return int(items[-1].message.first_sample) + int(items[-1].message.drive.shape[1]) if items else 0
 
     def _wait_until_it_plays(self) -> float:
-        """Wait until a part of the drive is played; return the moment when the drive was seen to begin."""
+        """Wait until a part of the drive is played; return the time at which its begin was observed."""
         bench = self._bench
-        # A gateway that waits for its controller does not know when the drive begins.
+        # A gateway that waits for its controller cannot report the begin of the drive.
         begun = {(mode, self._run) for mode in (rig_pb2.RIG_MODE_PLAYING, rig_pb2.RIG_MODE_WAITING)}
         bench.wait(
             lambda: not begun.isdisjoint(bench.modes()) or self._played_samples() > 0 or self._outcome is not None
         )
         began = time.monotonic()
         if bench.description.publishes_after_run:
-            # Only the clock tells how far it is: it plays in real time.
+            # Without blocks, estimate the progress from the time: it plays in real time.
             bench.wait(lambda: self._outcome is not None, _STOP_AT * bench.seconds)
             return began
         bench.wait(lambda: self._played_samples() >= _STOP_AT * self._drive.shape[1] or self._outcome is not None)
@@ -239,4 +239,4 @@ class StopChecks:
         except FaultError as fault:
             self._outcome = fault
         except BusError:
-            pass  # It never ended, and the check is over.
+            pass  # The check ended before the playback.

@@ -1,4 +1,4 @@
-"""Values that travel through the SDK: rigs, signals, models, playbacks and the figures of iterations."""
+"""Data classes of the SDK: rigs, signals, models, playbacks and the numbers of iterations."""
 
 from __future__ import annotations
 

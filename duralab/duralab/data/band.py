@@ -1,4 +1,4 @@
-"""Note of what signals of a recording are, and whether they are in the control band."""
+"""Description of recorded signals, including whether they are filtered to the control band."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from duralab_proto.v1 import iterator_pb2
 class BandNote:
     """Description of recorded signals, with whether they are in the control band.
 
-    `quantity`: "target", "response" or "error". `in_band`: Whether they are as they are judged: in the control band,
-    without their static part, or, where the band begins at 0 Hz, without the rig's static response.
-    `lowest_frequency`, `highest_frequency`: Edges of the control band, in hertz. `level`: How a playback at partial
-    level is scaled; empty for a target.
+    `quantity`: "target", "response" or "error". `in_band`: Whether the signals are in the form used for judging: in the
+    control band, without their static part, or, if the band begins at 0 Hz, without the rig's static response.
+    `lowest_frequency`, `highest_frequency`: Edges of the control band, in hertz. `level`: Scaling of a playback at
+    partial level; empty for a target.
     """
 
     quantity: str
@@ -25,12 +25,12 @@ class BandNote:
 
     @property
     def band(self) -> str:
-        """The value of the coordinate `band`."""
+        """Value of the coordinate `band`."""
         return "in band" if self.in_band else "as measured"
 
     @property
     def static_part(self) -> str:
-        """Treatment of the static part: a control band from 0 Hz counts from the rig's static response."""
+        """Treatment of the static part: for a control band from 0 Hz, relative to the rig's static response."""
         if not self.in_band:
             return "kept"
         return "removed" if self.lowest_frequency > 0.0 else "relative to the rig's static response"

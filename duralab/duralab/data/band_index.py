@@ -1,4 +1,4 @@
-"""Index of labelled arrays that keeps signals of two bands apart."""
+"""Index of labelled arrays that prevents mixing of signals of two bands."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ LabelledT = TypeVar("LabelledT", xarray.DataArray, xarray.Dataset)
 
 
 class BandIndex(xarray.Index):
-    """Index of the coordinate `band`: what is in band and what is as measured cannot be aligned, and so not subtracted.
+    """Index of the coordinate `band`: in-band and as-measured signals cannot be aligned, and so not subtracted.
 
     `band`: Value of the coordinate.
     """
@@ -34,7 +34,7 @@ class BandIndex(xarray.Index):
     def create_variables(
         self, variables: Mapping[Any, xarray.Variable] | None = None
     ) -> dict[Hashable, xarray.Variable]:
-        """Return the coordinate as it is."""
+        """Return the coordinate unchanged."""
         return dict(variables or {})
 
     def equals(self, other: xarray.Index, *, exclude: frozenset[Hashable] | None = None) -> bool:
@@ -43,7 +43,7 @@ class BandIndex(xarray.Index):
         return isinstance(other, BandIndex) and self.band == other.band
 
     def join(self, other: xarray.Index, how: str = "inner") -> BandIndex:
-        """Refuse what xarray asks for where two are not equal."""
+        """Refuse to join two unequal indexes, as xarray requests."""
         del how
         others = other.band if isinstance(other, BandIndex) else type(other).__name__
         raise InputError(
@@ -54,9 +54,9 @@ class BandIndex(xarray.Index):
 
 
 def marked(labelled: LabelledT, note: BandNote) -> LabelledT:
-    """Return labelled signals that say in coordinate and attributes whether they are in band, and hold to it.
+    """Mark labelled signals as in band or as measured, by coordinate and attributes, and enforce it by an index.
 
-    `labelled`: The signals. `note`: What they are.
+    `labelled`: Signals. `note`: Their description.
     Returns: The signals with the coordinate `band` and the attributes of the note.
     """
     labelled = labelled.assign_coords(band=note.band).set_xindex("band", BandIndex)

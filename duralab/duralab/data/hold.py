@@ -26,7 +26,7 @@ class ProposedDrive:
     peak, slew : float
         Largest magnitude and rate of change, in the drive's unit and per second.
     range_share, slew_share : float
-        Of its range and of its slew limit, 1 is the limit; the second is 0 where it has none.
+        Shares of its range and of its slew limit, 1 at the limit; the second is 0 without a slew limit.
     change : float
         RMS of the change from the drive that it follows, over that drive's RMS; 1 for a first drive.
     """
@@ -48,12 +48,11 @@ class ProposedResponse:
     channel : str
         Name of the response.
     relative_rms_error, peak_ratio : float
-        As they are judged after a playback.
+        Predicted values, defined as for the judgement after a playback.
     damage_ratio : tuple of float
-        For S-N lines of slope 3, 5 and 8.
+        Predicted damage ratios for S-N lines of slope 3, 5 and 8.
     uncertainty : float
-        RMS of what the response may differ by from the predicted one, over the target's RMS; not a number where it is
-        unknown.
+        RMS of the possible deviation from the predicted response, over the target's RMS; NaN if unknown.
     """
 
     channel: str
@@ -65,36 +64,36 @@ class ProposedResponse:
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """The next playback, which waits for a decision; prints as tables.
+    """Proposed next playback, which waits for a decision; prints as tables.
 
     Parameters
     ----------
     number : int
-        From 1; `Lab.decide` names it.
+        Number of the proposal, from 1, for `Lab.decide`.
     playback : int
-        The playback that waits.
+        Number of the proposed playback.
     reason : str
-        Why the campaign waits.
+        Reason why the campaign waits.
     level : float
         Share of the target that the drive is made for.
     follows : int
         Playback that the drive was made from; 0 for a first drive.
     drives : tuple of ProposedDrive
-        All drives of the rig.
+        Use of all drives of the rig.
     responses : tuple of ProposedResponse
-        The controlled ones.
+        Predictions for the controlled responses.
     overall_error : float
         Predicted error over all controlled responses.
     remarks : tuple of str
-        Limits that the drive would have passed.
+        Remarks on limits that the drive would have exceeded.
     refusal : str
-        Why no drive could be made with the settings in use; empty where there is one. It cannot be played.
+        Reason why no drive could be made with the present settings, so that nothing can be played; empty otherwise.
     drive : Signals or None
-        The drive itself; None where it was not fetched.
+        Drive; None if it was not fetched.
     predicted : np.ndarray or None, shape (responses, samples)
         Predicted responses in the control band, divided by the level.
     scenario : str
-        The campaign file with what was changed at hold points so far.
+        Campaign file with the changes made at hold points so far.
     """
 
     number: int
@@ -113,7 +112,7 @@ class Proposal:
 
     @classmethod
     def from_message(cls, message: iterator_pb2.Proposal) -> Proposal:
-        """Decode a proposal, with its samples where it has them."""
+        """Decode a proposal, with its samples if it has them."""
         from duralab_proto.arrays import from_array
 
         has_samples = message.HasField("drive")
@@ -146,7 +145,7 @@ class Proposal:
         )
 
     def __str__(self) -> str:
-        """Return what there is to decide on, as text."""
+        """Return the proposal as text."""
         made_from = f"made from playback {self.follows}" if self.follows else "the first"
         head = f"Proposal {self.number}: the drive of playback {self.playback}, {made_from}. {self.reason}."
         if self.refusal:
@@ -183,22 +182,22 @@ def _known(value: float) -> str:
 
 @dataclass(frozen=True)
 class Decided:
-    """A decision at a hold point, as it was recorded.
+    """Recorded decision at a hold point.
 
     Parameters
     ----------
     playback, proposal : int
-        Before which playback, and on which proposal.
+        Numbers of the following playback and of the proposal.
     kind : DecisionKind
-        Play, change, back or end.
+        Kind of the decision: play, change, back or end.
     name, reason : str
-        Who decided, and why.
+        Name of the person who decided, and the reason.
     when : datetime
-        When, UTC.
+        Time of the decision, UTC.
     from_iteration : int
-        Of `back`: the playback that the next drive is made from.
+        For `back`: playback from which the next drive is made.
     changes : tuple of str
-        Of `change`: what was given: update, control_band.
+        For `change`: the given sections, of update and control_band.
     """
 
     playback: int

@@ -1,4 +1,4 @@
-"""Answers of an identification besides the model: plan, predicted convergence, levels, differences."""
+"""Results of an identification other than the model: plan, predicted convergence, levels, differences."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ class ExperimentPlan:
     duration_seconds : float
         Length of the whole drive, in seconds.
     realisations, experiments_per_realisation, periods : int
-        Independent phases, columns of the orthogonal matrix played of each, and periods kept of each experiment; 1, the
-        number of uninterrupted stretches and 0 where the excitation is not periodic.
+        Numbers of independent phases, of columns of the orthogonal matrix played for each, and of periods kept of each
+        experiment; for an excitation that is not periodic: 1, the number of uninterrupted segments, and 0.
     delay_share : float
-        Share of the duration that is dropped while transients die out, fades included, 0 to 1.
+        Share of the duration dropped while transients decay, fades included, 0 to 1.
     independent_averages : float
-        Equivalent independent blocks averaged.
+        Equivalent number of independent averaged blocks.
     frequency_resolution : float
         Distance of neighbouring lines, in hertz.
     lines : int
-        Lines at which the rig is excited.
+        Number of excited frequency lines.
     band : tuple of float
-        In which the model would be valid, in hertz.
+        Band in which the model will be valid, in hertz.
     """
 
     duration_seconds: float
@@ -45,7 +45,7 @@ class ExperimentPlan:
     band: tuple[float, float]
 
     def __str__(self) -> str:
-        """Return it as a table."""
+        """Return a table as text."""
         return plan_text(self)
 
 
@@ -58,11 +58,12 @@ class Convergence:
     frequency : np.ndarray, shape (lines)
         Lines of the band, in hertz.
     spectral_radius : np.ndarray, shape (lines)
-        Of the error's dynamics (Eq. 6) for the likeliest rig; below 1 it converges.
+        Spectral radius of the error's dynamics (Eq. 6) for the most likely rig; below 1 the iteration converges.
     spectral_radius_95 : np.ndarray, shape (lines)
-        That 95 % of the rigs which the model's uncertainty allows stay below.
+        Spectral radius not exceeded by 95 % of the rigs within the model's uncertainty.
     largest_singular_value : np.ndarray, shape (lines)
-        Responses scaled to the model's response PSD; below 1 the error falls at every playback.
+        Largest singular value, with responses scaled to the model's response PSD; below 1 the error decreases at every
+        playback.
     converging_share : float
         Share of those rigs that converge at every line, 0 to 1.
     sentence : str
@@ -77,7 +78,7 @@ class Convergence:
     sentence: str
 
     def __repr__(self) -> str:
-        """Return it on one line, without arrays."""
+        """Return a one-line description without arrays."""
         return f"Convergence({self.sentence})"
 
     def __str__(self) -> str:
@@ -96,19 +97,19 @@ class LevelAdvice:
     Parameters
     ----------
     rms : np.ndarray, shape (drives)
-        Proposed for each drive, in its unit.
+        Proposed RMS of each drive, in its unit.
     wanted_rms : np.ndarray, shape (drives)
-        That would give responses like the target's, regardless of the limits.
+        RMS that would give responses at the target's level, regardless of the limits.
     largest_rms : np.ndarray, shape (drives)
-        At which the crest factor just reaches the drive's limit.
+        RMS at which the drive's peaks reach its limit.
     identification_damage : np.ndarray or None, shape (responses, 3)
-        Damage that the model's own experiment would do at the proposed levels, in passes of the target, for S-N lines
-        of slope 3, 5 and 8; None where the model does not state its own.
+        Damage of the model's experiment at the proposed levels, in passes of the target, for S-N lines of slope 3, 5
+        and 8; None if the model does not state its damage.
     one_pass_factor : float
-        Factor on all levels of the model's own experiment at which it would do no more damage than one pass of the
-        target in any response, slope 5; 0 where the model does not state its damage.
+        Factor on all levels of the model's experiment at which its damage is at most that of one pass of the target
+        in any response, slope 5; 0 if the model does not state its damage.
     sentences : tuple of str
-        One for each drive, and one on the damage.
+        Sentences, one for each drive and one on the damage.
     """
 
     rms: np.ndarray
@@ -119,7 +120,7 @@ class LevelAdvice:
     sentences: tuple[str, ...]
 
     def __str__(self) -> str:
-        """Return it as a table."""
+        """Return a table as text."""
         return advice_text(self)
 
 
@@ -130,11 +131,11 @@ class ModelDifference:
     Parameters
     ----------
     relative_difference : np.ndarray, shape (lines, responses)
-        Difference of both FRF matrices over the first, drives weighted by their PSD; 0 outside the band.
+        Difference of both FRF matrices relative to the first, drives weighted by their PSD; 0 outside the band.
     expected_by_noise : np.ndarray, shape (lines, responses)
-        What the random errors of both models alone would make of it.
+        Difference expected from the random errors of both models alone.
     sentences : tuple of str
-        One for each response.
+        Sentences, one for each response.
     """
 
     relative_difference: np.ndarray
@@ -144,14 +145,14 @@ class ModelDifference:
 
 @dataclass(frozen=True)
 class LevelSeries:
-    """Models of one rig from the lowest level to the highest, and the difference of each to the one before.
+    """Models of one rig from the lowest level to the highest, and the difference of each to the previous one.
 
     Parameters
     ----------
     models : tuple of Model
-        One for each level.
+        Models, one for each level.
     differences : tuple of ModelDifference
-        One less.
+        Differences, one less than models.
     """
 
     models: tuple[Model, ...]
@@ -159,7 +160,7 @@ class LevelSeries:
 
 
 def plan_text(plan: ExperimentPlan) -> str:
-    """Return what an experiment takes and gives as text."""
+    """Return the plan of an experiment as text."""
     low, high = plan.band
     rows = (
         ("duration", f"{plan.duration_seconds:.1f} s"),
@@ -174,7 +175,7 @@ def plan_text(plan: ExperimentPlan) -> str:
 
 
 def advice_text(advice: LevelAdvice) -> str:
-    """Return advised, wanted and largest RMS of each drive, and why, as text."""
+    """Return advised, wanted and largest RMS of each drive, and the reasons, as text."""
     rows = [
         (str(number), *(f"{value:.3g}" for value in values))
         for number, values in enumerate(zip(advice.rms, advice.wanted_rms, advice.largest_rms, strict=True), start=1)
@@ -184,7 +185,7 @@ def advice_text(advice: LevelAdvice) -> str:
 
 
 def convergence_html(convergence: Convergence) -> str:
-    """Return the spectral radius over frequency as a picture, below 1 it converges, and the sentence."""
+    """Return the sentence and a chart of the spectral radius over frequency; below 1 the iteration converges."""
     frequency = convergence.frequency
     curves = [
         Curve("expected", frequency, convergence.spectral_radius),

@@ -1,4 +1,4 @@
-"""The figures of a campaign: one row for each playback, one column for each response channel."""
+"""Numbers of a campaign: one row for each playback, one column for each response channel."""
 
 from __future__ import annotations
 
@@ -18,15 +18,15 @@ if TYPE_CHECKING:
 _ITERATIONS: Final = "relative RMS error (RMS response), 0 (1) is perfect"
 
 DAMAGE_SLOPES: Final = (3, 5, 8)
-"""Slopes of the S-N lines that damage ratios are told for, as the contract orders them."""
+"""Slopes of the S-N lines of damage ratios, in the order of the contract."""
 
 DAMAGE_SPENT_SLOPE: Final = 5
-"""Slope of the S-N line that the damage spent is counted at where none is asked for."""
+"""Default slope of the S-N line for the damage spent."""
 
 
 @dataclass(frozen=True, eq=False)
 class IterationTable:
-    """Figures of every playback, in the control band.
+    """Numbers of every playback, in the control band.
 
     Parameters
     ----------
@@ -41,35 +41,35 @@ class IterationTable:
     peak_ratio : np.ndarray, shape (playbacks, channels)
         Largest magnitude of the response over that of the target.
     damage_ratio : np.ndarray, shape (playbacks, channels, 3)
-        Pseudo-damage of the response over that of the target, for S-N lines of slope 3, 5 and 8; not a number where an
-        older recording does not contain it.
+        Pseudo-damage of the response over that of the target, for S-N lines of slope 3, 5 and 8; NaN if an older
+        recording does not contain it.
     overall : np.ndarray, shape (playbacks)
         Root mean square over the judged channels of the relative RMS error.
     level : np.ndarray, shape (playbacks)
-        Share of the target that was played for, which all figures are relative to; 1 is the whole.
+        Level of the playback as a share of the target, to which all numbers are relative; 1 is the whole target.
     watched : np.ndarray of bool, shape (channels)
-        True for a channel that is reported, but neither controlled nor judged; its figures are not a number where its
-        target is silent.
+        True for a monitored channel, which is reported, but neither controlled nor judged; its numbers are NaN if its
+        target is zero.
     energy_outside_band : np.ndarray, shape (channels)
-        Share of the energy of the target's dynamic part outside the control band, 0 to 1; not a number in an older
-        recording.
+        Share of the energy of the target's dynamic part outside the control band, 0 to 1; NaN in an older recording.
     best_number : int
-        Number of the best playback as the iterator names it; 0 where it names none, see `best`.
+        Number of the iterator's best playback; 0 if it has none, see `best`.
     playback_damage : np.ndarray, shape (playbacks + confirmations, channels, 3)
-        Damage that each playback, and then each confirmation, put into each channel of the specimen, in passes of the
-        target, for S-N lines of slope 3, 5 and 8: of the response as measured, regardless of the control band, over
-        that of the target in it; the target at its level counts at least.
+        Damage of each playback, and then of each confirmation, in each channel of the specimen, in passes of the
+        target, for S-N lines of slope 3, 5 and 8: damage of the measured response, regardless of the control band,
+        over that of the target in the band; at least the damage of the target at the playback's level.
     damage_as_measured : bool
-        Whether `playback_damage` is that; False for an older recording, which states the response in the band only.
+        Whether `playback_damage` is of the measured response; False for an older recording, which states only the
+        response in the band.
     identification_damage : np.ndarray, shape (channels, 3)
-        The same of the identification; not a number where the recording does not state it.
+        Damage of the identification, in the same form; NaN if the recording does not state it.
     predicted_error : np.ndarray, shape (playbacks, channels), optional
-        Relative RMS error that was predicted before each playback. Not a number for a watched channel; None, as the
-        next two, in an older recording.
+        Relative RMS error predicted before each playback. NaN for a monitored channel; None, as the next two, in an
+        older recording.
     prediction_uncertainty : np.ndarray, shape (playbacks, channels), optional
-        RMS of the predicted uncertainty of a playback, over the target's RMS, as stated before it.
+        RMS of the uncertainty predicted before each playback, over the target's RMS.
     prediction_missed : np.ndarray, shape (playbacks, channels), optional
-        RMS of the measured difference.
+        RMS of the measured difference from the prediction, over the target's RMS.
     """
 
     channels: tuple[str, ...]
@@ -103,14 +103,14 @@ class IterationTable:
         Parameters
         ----------
         iterations, confirmations : sequence of IterationMetrics
-            Of the playbacks of the iteration, and of those that confirm its best drive.
+            Metrics of the playbacks of the iteration, and of those that confirm its best drive.
         status : CampaignStatus, optional
-            Names the best playback.
+            Status with the number of the best playback.
 
         Raises
         ------
         ValueError
-            A playback has other channels than the first.
+            A playback has channels different from the first.
         """
         names = tuple(channel.channel for channel in iterations[0].channels) if iterations else ()
         for metrics in (*iterations, *confirmations):
@@ -129,9 +129,9 @@ class IterationTable:
             peak_ratio=column("peak_ratio"),
             damage_ratio=_by_slope(iterations, "damage_ratio", channels=len(names)),
             overall=np.array([metrics.overall_relative_rms_error for metrics in iterations], dtype=np.float64),
-            # Recordings from before there were levels hold 0.
+            # Recordings older than levels contain 0.
             level=np.array([metrics.level or 1.0 for metrics in iterations], dtype=np.float64),
-            # As the last playback was judged: one that was taken over may have been judged otherwise.
+            # From the last playback: one taken over from another campaign may have been judged differently.
             watched=np.array(
                 [channel.watched for channel in iterations[-1].channels] if iterations else [], dtype=bool
             ),
@@ -158,40 +158,41 @@ class IterationTable:
 
     @classmethod
     def from_status(cls, status: iterator_pb2.CampaignStatus) -> IterationTable:
-        """Decode the figures of a campaign as its status has them.
+        """Decode the numbers of a campaign from its status.
 
         Parameters
         ----------
         status : CampaignStatus
-            Of a campaign that may still run.
+            Status of a campaign, which may still run.
 
         Returns
         -------
         IterationTable
-            Confirmations and the best playback included; empty before the first playback.
+            Table with the confirmations and the best playback; empty before the first playback.
         """
         return cls.from_messages(status.iterations, confirmations=status.confirmations, status=status)
 
     def __len__(self) -> int:
-        """Return how many playbacks there are."""
+        """Return the number of playbacks."""
         return len(self.numbers)
 
     @property
     def judged_error(self) -> np.ndarray:
-        """Relative RMS error of the channels that are judged, shape (playbacks, judged)."""
+        """Relative RMS error of the judged channels, shape (playbacks, judged)."""
         return self.relative_rms_error[:, ~self.watched]
 
     @property
     def judged(self) -> tuple[str, ...]:
-        """Names of the channels that are judged: all but the watched ones."""
+        """Names of the judged channels: all except the monitored ones."""
         return tuple(name for name, watched in zip(self.channels, self.watched, strict=True) if not watched)
 
     @property
     def best(self) -> int:
-        """Row of the best playback, the one that is judged, exported and confirmed; there must be a playback.
+        """Row of the best playback, which is judged, exported and confirmed; the table must not be empty.
 
-        The iterator names it: the last one where the target was reached, otherwise the one of the whole target with the
-        smallest error over all channels. Where it names none yet, the latter, or of those at a part of the target.
+        The iterator chooses it: the last playback if the target was reached, otherwise the playback of the whole target
+        with the smallest error over all channels. Before its choice: the latter, also among playbacks at a lower level
+        if there is none of the whole target.
         """
         if self.best_number in self.numbers:
             return self.numbers.index(self.best_number)
@@ -199,26 +200,25 @@ class IterationTable:
         return int(np.argmin(np.where(whole, self.overall, np.inf) if whole.any() else self.overall))
 
     def damage_spent(self, slope: int = DAMAGE_SPENT_SLOPE) -> np.ndarray:
-        """Return the damage that the campaign put into each channel of the specimen, in passes of the target.
+        """Return the campaign's damage in each channel of the specimen, in passes of the target.
 
-        As the iterator counts it for the damage budget. Runs that were broken off are not counted.
+        It is counted as in the iterator's damage budget. Interrupted runs are not counted.
 
         Parameters
         ----------
         slope : int
-            Of the S-N line: 3, 5 or 8.
+            Slope of the S-N line: 3, 5 or 8.
 
         Returns
         -------
         np.ndarray, shape (3, channels)
-            Of the identification, of all playbacks and confirmations, and their sum. The first is not a number where
-            `counts_identification` is False, and the sum is that of the playbacks then; all are not a number for a
-            channel without a target.
+            Damage of the identification, of all playbacks and confirmations, and their sum. If `counts_identification`
+            is False, the first is NaN and the sum is that of the playbacks; all are NaN for a channel without a target.
 
         Raises
         ------
         ValueError
-            Another slope.
+            The slope is not 3, 5 or 8.
         """
         column = DAMAGE_SLOPES.index(slope)
         identification = self.identification_damage[:, column]
@@ -231,7 +231,7 @@ class IterationTable:
         return not bool(np.isnan(self.identification_damage[~self.watched]).any())
 
     def to_xarray(self) -> xarray.Dataset:
-        """Return the figures over `iteration`, `channel` and `slope` (of the S-N line), ratios all."""
+        """Return the numbers over `iteration`, `channel` and `slope` (of the S-N line); all are ratios."""
         import xarray
 
         forecast = {
@@ -260,7 +260,7 @@ class IterationTable:
         )
 
     def __repr__(self) -> str:
-        """Return it on one line, without arrays."""
+        """Return a one-line description without arrays."""
         return f"IterationTable({len(self)} playbacks, {len(self.channels)} channels)"
 
     def __str__(self) -> str:
@@ -277,19 +277,19 @@ class IterationTable:
         Parameters
         ----------
         row : int
-            Of the table, from 0.
+            Row of the table, from 0.
 
         Returns
         -------
         list of str
-            One for each channel.
+            Cells, one for each channel.
         """
         pairs = zip(self.relative_rms_error[row], self.rms_response[row], strict=True)
         return ["–" if np.isnan(error) else f"{error:.3f} ({response:.2f})" for error, response in pairs]
 
 
 def counted_slope(specification: iterator_pb2.CampaignSpec) -> int:
-    """Return the slope of the S-N line that a campaign counts the damage spent at, as for its damage budget.
+    """Return the slope of the S-N line for a campaign's damage spent, as in its damage budget.
 
     `specification`: Specification of the campaign.
     Returns: Slope of the S-N line: 3, 5 or 8.
@@ -299,7 +299,7 @@ def counted_slope(specification: iterator_pb2.CampaignSpec) -> int:
 
 
 def _by_slope(playbacks: Sequence[iterator_pb2.IterationMetrics], name: str, *, channels: int) -> np.ndarray:
-    """Return a figure of each playback and channel for every slope; not a number where the recording has none."""
+    """Return a quantity of each playback and channel for every slope; NaN if the recording does not have it."""
     figures = np.full((len(playbacks), channels, len(DAMAGE_SLOPES)), np.nan)
     for row, metrics in enumerate(playbacks):
         for i, channel in enumerate(metrics.channels):
@@ -311,7 +311,7 @@ def _by_slope(playbacks: Sequence[iterator_pb2.IterationMetrics], name: str, *, 
 
 def _playback_damage(playbacks: Sequence[iterator_pb2.IterationMetrics], *, channels: int) -> np.ndarray:
     stated = _by_slope(playbacks, "specimen_damage", channels=channels)
-    # Older recordings state the response in the band only; the target at its level counts at least, as it did then.
+    # Older recordings state only the response in the band; the target at its level is the minimum, as it was then.
     ratios = _by_slope(playbacks, "damage_ratio", channels=channels)
     level = np.array([metrics.level or 1.0 for metrics in playbacks])[:, np.newaxis, np.newaxis]
     in_band = np.maximum(1.0, ratios) * level ** np.array(DAMAGE_SLOPES)
@@ -319,7 +319,7 @@ def _playback_damage(playbacks: Sequence[iterator_pb2.IterationMetrics], *, chan
 
 
 def _forecast(playbacks: Sequence[iterator_pb2.IterationMetrics], name: str) -> np.ndarray | None:
-    """Return a figure of the forecasts, shape (playbacks, channels); None where no playback has one."""
+    """Return a quantity of the forecasts, shape (playbacks, channels); None if no playback has a forecast."""
     rows = [
         [getattr(channel.forecast, name) if channel.HasField("forecast") else np.nan for channel in metrics.channels]
         for metrics in playbacks
@@ -331,10 +331,10 @@ def _forecast(playbacks: Sequence[iterator_pb2.IterationMetrics], name: str) -> 
 def _best_number(
     iterations: Sequence[iterator_pb2.IterationMetrics], status: iterator_pb2.CampaignStatus | None
 ) -> int:
-    """Return the best playback as the status names it; 0 where it names none."""
+    """Return the number of the best playback from the status; 0 if it has none."""
     if status is None or not iterations:
         return 0
-    # An older iterator named the smallest overall error here too, though only the last playback fulfils all criteria.
+    # An older iterator reported the smallest overall error here, though only the last playback meets all criteria.
     reached = status.outcome == iterator_pb2.OUTCOME_REACHED
     return iterations[-1].iteration if reached else status.best_iteration
 
@@ -350,9 +350,9 @@ def _iteration_rows(table: IterationTable) -> tuple[list[str], list[list[str]]]:
 
 
 def passes(damage: float) -> str:
-    """Return damage spent in passes of the target, as it is shown; a dash where it is not known.
+    """Return damage spent in passes of the target as text; a dash if it is unknown.
 
-    `damage`: Damage in passes of the target, 0 or more; NaN where it is not known.
+    `damage`: Damage in passes of the target, 0 or more; NaN if unknown.
     Returns: The number as text.
     """
     if np.isnan(damage):
@@ -363,19 +363,19 @@ def passes(damage: float) -> str:
 
 
 def damage_sources(table: IterationTable) -> tuple[str, str, str]:
-    """Return the names of the rows of `damage_spent`, as they are shown.
+    """Return the titles of the rows of `damage_spent`.
 
-    `table`: Whether it counts the identification decides on the last name.
-    Returns: Of the identification, of the playbacks, and of their sum.
+    `table`: Table, whose `counts_identification` decides on the last title.
+    Returns: Titles for the identification, for the playbacks, and for their sum.
     """
     total = "damage spent" if table.counts_identification else "damage spent, without identification"
     return "damage of identification", "damage of playbacks", total
 
 
 def damage_note(table: IterationTable) -> str:
-    """Return what damage spent is, and what of it is not known, as sentences.
+    """Return sentences that explain damage spent and its unknown parts.
 
-    `table`: Of one playback or more.
+    `table`: Numbers of one or more playbacks.
     Returns: Two sentences or more.
     """
     counted = "as measured, inside and outside the control band" if table.damage_as_measured else "in the control band"
@@ -397,9 +397,9 @@ def iterations_text(table: IterationTable) -> str:
 
 
 def iterations_html(table: IterationTable) -> str:
-    """Return the same as HTML, with the error over the playbacks.
+    """Return the numbers as HTML, with the error over the playbacks.
 
-    `table`: Figures of the playbacks; may be empty.
+    `table`: Numbers of the playbacks; may be empty.
     Returns: An HTML table and a chart.
     """
     if not len(table):

@@ -1,4 +1,4 @@
-"""An identified model: frequency responses, their uncertainty and their distortion."""
+"""Identified model: frequency responses, their uncertainty and their distortion."""
 
 from __future__ import annotations
 
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 FREQUENCY_AXIS: Final = Axis("frequency [Hz]", logarithmic=True)
 
 _SMALLEST_LEVEL: Final = 1e-3
-"""Lines whose drives have less than this share of the strongest line's density were not excited."""
+"""Smallest share of the strongest line's drive density at which a line counts as excited."""
 
 _MODEL: Final = ("response", "unit", "lowest coherence", "median coherence", "relative deviation of its FRF")
 
 
 @dataclass(frozen=True, eq=False)
 class Distortion:
-    """Nonlinear distortion and noise of a response, from an experiment that separates them.
+    """Nonlinear distortion and noise of the responses, from an experiment that separates them.
 
     `noise_psd`, `distortion_psd`, shape (lines, responses): Density of the noise and of the stochastic nonlinear
-    distortion, unit²/Hz; the latter is a difference of two estimates and may lie below 0 where there is none, as may
-    the next two. `odd_distortion_psd`, `even_distortion_psd`, shape (lines, responses) or (0, responses): Of the
-    detection lines of odd and even orders; empty where the excitation leaves none out. `distortion_share`,
+    distortion, unit²/Hz; the latter is a difference of two estimates and may be below 0 without distortion, as may the
+    next two. `odd_distortion_psd`, `even_distortion_psd`, shape (lines, responses) or (0, responses): Density at the
+    detection lines of odd and even orders; empty if the excitation has no detection lines. `distortion_share`,
     `noise_share`, shape (responses): RMS over that of the response in the band.
     """
 
@@ -45,7 +45,7 @@ class Distortion:
 
     @classmethod
     def from_message(cls, message: identifier_pb2.Distortion, *, lines: int, responses: int) -> Distortion:
-        """Decode what was found."""
+        """Decode the distortion."""
 
         def densities(name: str) -> np.ndarray:
             if not message.HasField(name):
@@ -64,7 +64,7 @@ class Distortion:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """An identified rig: `H` in y(f) = H(f) u(f), with e^{+jωt}.
+    """Model of an identified rig: `H` in y(f) = H(f) u(f), with e^{+jωt}.
 
     Parameters
     ----------
@@ -73,33 +73,33 @@ class Model:
     drives, responses : tuple of Channel
         Inputs and outputs of `frf`.
     frequency : np.ndarray, shape (lines)
-        In hertz.
+        Frequency lines in hertz.
     frf : np.ndarray, shape (lines, responses, drives)
         Complex, response unit per drive unit; NaN at lines where nothing was estimated, like its deviation, the
         coherence and the condition number.
     coherence : np.ndarray, shape (lines, responses)
         Multiple coherence, 0 to 1.
     condition_number : np.ndarray, shape (lines)
-        Of the drives' cross-spectrum, scaled to unit diagonal.
+        Condition number of the drives' cross-spectrum, scaled to unit diagonal.
     drive_psd, response_psd : np.ndarray, shape (lines, drives) and (lines, responses)
         Auto-spectra, unit²/Hz.
     blocks : int
-        Blocks averaged.
+        Number of averaged blocks.
     independent_averages : float
-        Equivalent independent averages.
+        Equivalent number of independent averages.
     frf_deviation : np.ndarray, shape (lines, responses, drives)
-        Standard deviation of each element of `frf`; 0 where it is not known, as in older recordings.
+        Standard deviation of each element of `frf`; 0 if unknown, as in older recordings.
     verdicts : tuple of str
-        How linear each response is, as text; empty in older recordings.
+        Linearity of each response, as text; empty in older recordings.
     warnings : tuple of str
-        What the identifier found suspicious, as text.
+        Warnings of the identifier.
     distortion : Distortion or None
-        None where the experiment does not tell noise and nonlinearity apart.
+        Distortion; None if the experiment does not separate noise and nonlinearity.
     drive_map : tuple of str
-        Which drives follow products of others, e.g. "lateral follows −1.71 /m × vertical²". Where there is one, `frf`
-        is from mapped drives to responses.
+        Terms of drives that follow products of others, e.g. "lateral follows −1.71 /m × vertical²". If there is one,
+        `frf` is from mapped drives to responses.
     static_gain : np.ndarray or None, shape (responses, drives)
-        Gain at 0 Hz, response unit per drive unit; None where the experiment does not measure it.
+        Gain at 0 Hz, response unit per drive unit; None if the experiment does not measure it.
     """
 
     id: str
@@ -122,14 +122,14 @@ class Model:
 
     @classmethod
     def from_message(cls, message: identifier_pb2.Model) -> Model:
-        """Decode a model; where nothing was estimated it says nothing: NaN."""
+        """Decode a model; values that were not estimated are NaN."""
         lines = len(from_array(message.frequency, field="frequency", shape=(None,)))
         n_y, n_u = len(message.responses), len(message.drives)
 
         def spectrum(name: str, *columns: int) -> np.ndarray:
             return from_array(getattr(message, name), field=name, shape=(lines, *columns), finite=False)
 
-        # A condition number is 1 or more: the 0 is the identifier's word for a line outside the band.
+        # A condition number is 1 or more; the identifier sets 0 at lines outside the band.
         unknown = spectrum("condition_number") == 0.0
 
         def estimated(name: str, *columns: int) -> np.ndarray:
@@ -173,8 +173,8 @@ class Model:
         Returns
         -------
         xarray.Dataset
-            NaN where nothing was estimated. What is what and its unit are in the attributes `long_name` and `units`;
-            where elements of `frf` differ in it, the coordinates `response_unit` and `drive_unit` give the unit of
+            Arrays, NaN where nothing was estimated. The attributes `long_name` and `units` give description and unit;
+            if the units of elements of `frf` differ, the coordinates `response_unit` and `drive_unit` give the unit of
             each.
         """
         import xarray
@@ -211,11 +211,11 @@ class Model:
         )
 
     def __repr__(self) -> str:
-        """Return it on one line, without arrays."""
+        """Return a one-line description without arrays."""
         return f"Model({self.id[:12]}: {len(self.responses)} responses, {len(self.drives)} drives)"
 
     def __str__(self) -> str:
-        """Return it as a table."""
+        """Return a table as text."""
         return model_text(self)
 
     def _repr_html_(self) -> str:
@@ -224,10 +224,10 @@ class Model:
 
 
 def excited_lines(model: Model) -> np.ndarray:
-    """Return which lines the experiment excited; elsewhere the estimate is noise over noise.
+    """Return the lines that the experiment excited; at other lines the estimate is noise over noise.
 
-    `model`: The identified model.
-    Returns: shape (lines): True at the lines that were excited.
+    `model`: Identified model.
+    Returns: Mask of shape (lines), True at excited lines.
     """
     level = np.nan_to_num(model.drive_psd).max(axis=1)
     known = np.abs(np.nan_to_num(model.frf)).max(axis=(1, 2)) > 0.0
@@ -269,7 +269,7 @@ def _sentences(model: Model) -> tuple[str, ...]:
 
 
 def model_html(model: Model) -> str:
-    """Return the same as HTML, with the magnitude of the FRF and the coherence."""
+    """Return a model's table as HTML, with the magnitude of the FRF and the coherence."""
     lines = excited_lines(model)
     frequency = model.frequency[lines]
     charts = [

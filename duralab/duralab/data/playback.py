@@ -1,4 +1,4 @@
-"""Playbacks of a campaign and the use of the actuators, decoded."""
+"""Playbacks of a campaign and the actuator use."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ class ActuatorUse:
     Parameters
     ----------
     drive : str
-        The drive's name.
+        Name of the drive.
     peak_command_ratio : float
         Largest magnitude of the drive over the limit in that direction, 0 to 1.
     saturated_share : float
-        Share of the time in which the valve was at its stop or the load pressure at its limit, 0 to 1.
+        Share of the time with the valve at its stop or the load pressure at its limit, 0 to 1.
     largest_following_error : float
         Largest difference of command and achieved value, in the drive's unit.
     largest_load_pressure_share : float
-        Largest load pressure over what the supply could press with at that moment, 0 to 1; 1 is a stall. Zero, as the
-        next one, in recordings made before it was measured.
+        Largest load pressure over the pressure available from the supply at that moment, 0 to 1; 1 is a stall. Zero,
+        as the next one, in recordings made before it was measured.
     lowest_supply_pressure : float
-        Of the actuator's supply, in Pa.
+        Lowest pressure of the actuator's supply, in Pa.
     """
 
     drive: str
@@ -48,17 +48,17 @@ class ActuatorUse:
 
     @property
     def tells_of_a_valve(self) -> bool:
-        """Whether the rig has a valve and a supply there, as far as it tells: one without leaves their figures at 0."""
+        """Whether the rig reports a valve and a supply; a rig without them leaves these values at 0."""
         return any((self.saturated_share, self.largest_load_pressure_share, self.lowest_supply_pressure))
 
     @property
     def tells_what_was_achieved(self) -> bool:
-        """Whether the achieved value was compared with the command: an actuator never follows to the last bit."""
+        """Whether the rig reports the following error: with a real comparison it is never exactly 0."""
         return self.largest_following_error != 0.0
 
 
 def actuator_use(messages: Iterable[rig_pb2.ActuatorUse]) -> tuple[ActuatorUse, ...]:
-    """Decode how the actuators were used, in the order of the drives.
+    """Decode the actuator use, in the order of the drives.
 
     `messages`: One message for each drive.
     Returns: Use of the actuators, in the same order.
@@ -83,17 +83,17 @@ class Playback:
     Parameters
     ----------
     number : int
-        From 1.
+        Number of the playback, from 1.
     run : str
-        Its name on the rig.
+        Name of its run on the rig.
     drive, response : Signals
-        What was played and what was measured.
+        Played drive and measured response.
     response_in_band : Signals
-        The response as it is judged: in the control band, without its static part, divided by `level`.
+        Response in the form used for judging: in the control band, without its static part, divided by `level`.
     actuators : tuple of ActuatorUse
-        One for each drive.
+        Use of the actuator of each drive.
     level : float
-        Share of the target that was played for, above 0 to 1.
+        Level as a share of the target, greater than 0, at most 1.
     """
 
     number: int
@@ -105,11 +105,11 @@ class Playback:
     level: float = 1.0
 
     def __repr__(self) -> str:
-        """Return it on one line, without arrays."""
+        """Return a one-line description without arrays."""
         return f"Playback({self.number}, {self.run}: {self.response!r})"
 
     def __str__(self) -> str:
-        """Return it as a table."""
+        """Return a table as text."""
         return playback_text(self)
 
     def _repr_html_(self) -> str:
@@ -118,10 +118,10 @@ class Playback:
 
 
 def level_of(step: iterator_pb2.IterationStep) -> float:
-    """Return the level of a playback; older recordings tell none and are at 1.
+    """Return the level of a playback; older recordings do not contain it and are at 1.
 
-    `step`: One playback as recorded.
-    Returns: Share of the target, above 0 to 1.
+    `step`: Recorded playback.
+    Returns: Share of the target, greater than 0, at most 1.
     """
     return step.level or 1.0
 
@@ -136,8 +136,8 @@ def playback_of(
 ) -> Playback:
     """Return a playback of a campaign.
 
-    `step`: One playback as recorded. `specification`: Specification of the campaign. `drive`, `response`: Samples of
-    its run. `in_band`: The response as it is judged.
+    `step`: Recorded playback. `specification`: Specification of the campaign. `drive`, `response`: Samples of its run.
+    `in_band`: Response in the form used for judging.
     Returns: The playback.
     """
 
@@ -157,7 +157,7 @@ def playback_of(
 
 
 def use_rows(uses: Sequence[ActuatorUse]) -> list[tuple[str, ...]]:
-    """Return a row of cells for each actuator, below `USE_COLUMNS`."""
+    """Return a row of cells for each actuator, with the columns of `USE_COLUMNS`."""
     return [
         (
             use.drive,

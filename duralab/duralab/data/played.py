@@ -1,4 +1,4 @@
-"""Response of a rig that was played by hand."""
+"""Response of a rig to a single playback."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ class Played:
     run : str
         Name of the playback.
     response : Signals
-        All responses, as many samples as the drive.
+        All responses, with the drive's number of samples.
     actuators : tuple of ActuatorUse
-        How each actuator was used.
+        Use of each actuator.
     real_time_factor : float
         Simulated seconds per second of wall time.
     warnings : tuple of str
-        Which responses crossed the warning level of their sensor, one sentence each.
+        Responses that exceeded the warning level of their sensor, one sentence each.
     """
 
     run: str
@@ -35,11 +35,11 @@ class Played:
     warnings: tuple[str, ...] = ()
 
     def __repr__(self) -> str:
-        """Return it on one line, without arrays."""
+        """Return a one-line description without arrays."""
         return f"Played({self.run}: {self.response!r})"
 
     def __str__(self) -> str:
-        """Return it as a table."""
+        """Return a table as text."""
         return played_text(self)
 
     def _repr_html_(self) -> str:

@@ -23,13 +23,13 @@ class PreTestFinding:
     Parameters
     ----------
     check : str
-        What was looked at: calibration, noise, offset, saturation, dead, polarity, swapped, cross talk, lag or gain.
+        Name of the check: calibration, noise, offset, saturation, dead, polarity, swapped, cross talk, lag or gain.
     channels : tuple of str
-        Drives and responses that it is about.
+        Names of the affected drives and responses.
     failed : bool
-        True: the pre-test is not passed. False: a remark.
+        True for a failure of the pre-test, False for a remark.
     sentence : str
-        What is wrong, and what to do.
+        Problem and remedy.
     """
 
     check: str
@@ -45,25 +45,25 @@ class PreTest:
     Parameters
     ----------
     id, rig : str
-        Its recording, and the rig.
+        Id of the recording, and name of the rig.
     passed : bool
-        Whether nothing is wrong.
+        Whether no check failed.
     findings : tuple of PreTestFinding
-        What is wrong, and remarks.
+        Failures and remarks.
     expectations : tuple of str
-        What polarity, order, lag and gain were compared with, or that a check is missing.
+        References for polarity, order, lag and gain, or notes that a check is missing.
     drives, responses : tuple of Channel
-        Of the rig, in its order.
+        Channels of the rig, in its order.
     amplitude : np.ndarray, shape (drives)
         Peak of the pulse on each drive, in its unit.
     offset, noise : np.ndarray, shape (responses)
         Mean at rest less the static response, and RMS around the mean, in the unit of the response.
     peak : np.ndarray, shape (responses, drives)
-        Largest magnitude of each response in the time of the pulses of each drive, in the unit of the response.
+        Largest magnitude of each response during the pulses of each drive, in the unit of the response.
     lag : np.ndarray, shape (responses)
-        Behind what was expected, or behind the drive that moves it most, in seconds; not a number where unknown.
+        Lag behind the expected response, or behind the drive that moves it most, in seconds; NaN if unknown.
     gain : np.ndarray, shape (responses)
-        Response over what was expected; not a number where nothing was expected.
+        Response over the expected response; NaN if there is no expectation.
     """
 
     id: str
@@ -115,7 +115,7 @@ class PreTest:
 
     @property
     def verdict(self) -> str:
-        """One sentence: passed, or with how many failures."""
+        """Verdict as a sentence: passed, or the number of failures."""
         failures = sum(finding.failed for finding in self.findings)
         if self.passed:
             return f"The pre-test of {self.rig} passed; its recording is {self.id}."
@@ -123,7 +123,7 @@ class PreTest:
         return f"The pre-test of {self.rig} did not pass, with {what}; its recording is {self.id}."
 
     def __repr__(self) -> str:
-        """Return it on one line, without arrays."""
+        """Return a one-line description without arrays."""
         return f"PreTest({self.rig}: {'passed' if self.passed else 'not passed'}, {self.id})"
 
     def __str__(self) -> str:

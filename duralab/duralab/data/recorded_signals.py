@@ -1,4 +1,4 @@
-"""Signals of a recording that know whether they are in the control band."""
+"""Signals of a recording with a note whether they are in the control band."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from duralab.data.band import BandNote
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedSignals(Signals):
-    """Signals of a recording whose labelled arrays refuse to be mixed with those of another band.
+    """Signals of a recording whose labelled arrays cannot be mixed with those of another band.
 
-    `note`: What they are.
+    `note`: Description of the signals.
     """
 
     note: BandNote = field(kw_only=True)
 
     def to_xarray(self, name: str = "signals") -> xarray.DataArray:
-        """Return a labelled array as `Signals.to_xarray` does, with the coordinate `band` and attributes."""
+        """Return a labelled array like `Signals.to_xarray`, with the coordinate `band` and attributes."""
         from duralab.data.band_index import marked
 
         return marked(super().to_xarray(name), self.note)
@@ -31,9 +31,9 @@ class RecordedSignals(Signals):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedTarget(RecordedSignals):
-    """The target of a recording: signals in the control band; called, a dataset in the layout of the responses.
+    """Target of a recording: signals in the control band; a call returns a dataset in the layout of the responses.
 
-    `dataset`: Makes that dataset.
+    `dataset`: Function that makes the dataset.
     """
 
     dataset: Callable[[bool], xarray.Dataset] = field(kw_only=True)
@@ -41,9 +41,9 @@ class RecordedTarget(RecordedSignals):
     def __call__(self, *, in_band: bool) -> xarray.Dataset:
         """Return the target in the layout of `Recording.responses`: a variable for each channel over `time`.
 
-        `in_band`: True for the target as it is judged, False for the target as it was given, with its static part and
-        what is outside the control band.
-        Returns: The difference with `responses(in_band=...)` of another band is refused.
+        `in_band`: True for the target in the form used for judging, False for the target as given, with its static part
+        and the part outside the control band.
+        Returns: Dataset; subtracting `responses(in_band=...)` of another band is refused.
         Raises `InputError`: `in_band` is neither True nor False.
         """
         return self.dataset(in_band)

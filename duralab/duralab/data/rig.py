@@ -1,4 +1,4 @@
-"""A rig as it describes itself."""
+"""Description of a rig."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ class Rig:
     Parameters
     ----------
     name : str
-        As in its keys.
+        Name of the rig, as in its keys.
     specimen, engine, version : str
-        What is mounted on it, what plays, and the version of its software.
+        Mounted specimen, name of the engine that plays, and version of its software.
     sample_rate : float
-        The only one it plays, in hertz.
+        Only sample rate that the rig plays, in hertz.
     drives, responses : tuple of Channel
-        What is commanded and what is measured, in the order of the rows of a drive and a response.
+        Commanded and measured channels, in the order of the rows of a drive and a response.
     longest_drive_seconds : float
-        Longest drive it plays.
+        Longest drive that the rig plays.
     static_response : np.ndarray, shape (responses)
-        Each response at rest, in its unit.
+        Value of each response at rest, in its unit.
     content_hash : str
-        SHA-256 of everything that decides what it answers to a drive.
+        SHA-256 of all settings that determine its response to a drive.
     publishes_after_run : bool
-        Its signal blocks are published when a run is over.
+        Whether its signal blocks are published only after a run.
     cannot_be_stopped : bool
-        A run that has begun continues to its end; a stop latches the rig all the same.
+        Whether a begun run always continues to its end; a stop latches the rig nevertheless.
     simulated : bool
-        Nothing real moves; a campaign on any other rig waits before its first playback unless it says otherwise.
+        Whether the rig is a simulation; on any other rig a campaign waits before its first playback by default.
     """
 
     name: str
@@ -97,11 +97,11 @@ class Rig:
         )
 
     def __repr__(self) -> str:
-        """Return it on one line."""
+        """Return a one-line description."""
         return f"Rig({self.name}: {len(self.drives)} drives, {len(self.responses)} responses, {self.sample_rate:g} Hz)"
 
     def __str__(self) -> str:
-        """Return its channels and limits as a table."""
+        """Return the rig's channels and limits as a table."""
         return rig_text(self)
 
     def _repr_html_(self) -> str:
@@ -165,10 +165,10 @@ def rig_html(rig: Rig) -> str:
 
 
 def sensor_rows(channels: Iterable[Channel]) -> list[tuple[str, ...]]:
-    """Return the table of sensors and calculated channels; empty where no channel has either.
+    """Return the table of sensors and calculated channels; empty if no channel has either.
 
     `channels`: Responses of a rig.
-    Returns: A row for each of those, as `SENSOR_COLUMNS`.
+    Returns: Rows with the columns of `SENSOR_COLUMNS`.
     """
     rows = []
     for channel in channels:

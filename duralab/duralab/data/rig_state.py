@@ -42,20 +42,20 @@ class RigState:
     Parameters
     ----------
     rig : str
-        Its name.
+        Name of the rig.
     mode : RigMode
-        Interlocked: latched until `Lab.reset`.
+        Mode; "interlocked" means latched until `Lab.reset`.
     reason : str
-        Why it is interlocked, or what its run waits for; empty otherwise.
+        Reason of the interlock, or condition that its run waits for; empty otherwise.
     run : str
-        The run that moves it; the rig rests if and only if this is empty.
+        Name of the present run; the rig is at rest if and only if this is empty.
     fraction : float
-        Share of that run that is played, 0 to 1.
+        Played share of that run, 0 to 1.
     goes_on : bool
-        The rig is latched, but its run cannot be stopped and continues to its end; reported by `Lab.stop_rig` and
-        `duralab status`.
+        Whether the rig is latched, but its run cannot be stopped and continues to its end; reported by `Lab.stop_rig`
+        and `duralab status`.
     reset_name, reset_reason : str
-        Who cleared the last latch and why; empty where not given, and while the rig is latched.
+        Name of the person who cleared the last latch, and reason; empty if not given, and while the rig is latched.
     """
 
     rig: str
@@ -74,7 +74,7 @@ class RigState:
 
     @classmethod
     def from_message(cls, message: rig_pb2.RigState, *, goes_on: bool = False) -> RigState:
-        """Decode a state; a mode that this version does not know is `UNKNOWN`."""
+        """Decode a state; a mode unknown to this version is `UNKNOWN`."""
         return cls(
             rig=message.rig,
             mode=_MODES.get(message.mode, RigMode.UNKNOWN),
@@ -88,14 +88,14 @@ class RigState:
 
     @property
     def why(self) -> str:
-        """The reason of the latch and, where its run continues in spite of it, a sentence about that."""
+        """Reason of the latch and, if its run continues nevertheless, a sentence about that."""
         if not self.warning:
             return self.reason
         return f"{ended(self.reason)} {self.warning}" if self.reason else self.warning
 
     @property
     def warning(self) -> str:
-        """A sentence about a run that cannot be stopped; empty where there is none."""
+        """Sentence about a run that cannot be stopped; empty if there is none."""
         return f"The run {self.run!r} cannot be stopped and goes on to its end." if self.goes_on else ""
 
     def __str__(self) -> str:

@@ -1,4 +1,4 @@
-"""Sensors of a rig's responses, as a calibration certificate has them."""
+"""Sensors of a rig's responses, with the data of the calibration certificate."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from duralab_proto.v1 import array_pb2
 
 @dataclass(frozen=True)
 class Sensor:
-    """The sensor of a response; 0 and empty texts stand for what is not stated.
+    """Sensor of a response; 0 and empty strings mean "not stated".
 
     Parameters
     ----------
     serial_number : str
-        As on the calibration certificate.
+        Serial number on the calibration certificate.
     sensitivity : float
-        Output over what is measured.
+        Output per measured quantity.
     sensitivity_unit : str
         Unit of the sensitivity, e.g. "mV/V/kN".
     calibration_date, calibration_due : str
@@ -26,7 +26,7 @@ class Sensor:
     polarity : int
         Sign of the response to its drive: 1, -1, or 0.
     warning_level, abort_level : float
-        Magnitudes that are reported, and that end a run and latch the rig, in the unit of the channel.
+        Magnitude that is reported, and magnitude that ends a run and latches the rig, in the unit of the channel.
     drive : str
         Drive that moves the response most.
     """
@@ -56,7 +56,7 @@ class Sensor:
         return array_pb2.Sensor(**{**vars(self), "polarity": polarity[self.polarity]})
 
     def scaled(self, factor: float, offset: float) -> Sensor:
-        """Return the sensor with range and levels in another unit of its channel."""
+        """Return the sensor with range and levels converted to another unit of its channel."""
         ranged = self.minimum or self.maximum
         return replace(
             self,

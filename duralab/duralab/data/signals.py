@@ -1,4 +1,4 @@
-"""Channels and sampled signals as a lab script meets them."""
+"""Channels and sampled signals for lab scripts."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ if TYPE_CHECKING:
     import xarray
 
 _LARGEST_JITTER: Final = 1e-6
-"""Of a sample's time, as a share of the time between two: what numbers with a few decimals lose, and not more."""
+"""Largest error of a sample's time, as a share of the step: allows for times rounded to a few decimals."""
 
 LARGEST_RATE_ERROR: Final = 1e-5
-"""Of a target's sample rate, as a share: a file whose time step is rounded is 36 ms off after an hour."""
+"""Largest relative error of a sample rate, as from a rounded time step: 36 ms after an hour."""
 
 _SIGNALS: Final = ("channel", "unit", "smallest", "largest", "RMS")
 
@@ -36,7 +36,7 @@ class Channel:
     Parameters
     ----------
     name : str
-        Unique within its rig and direction, e.g. "left_vertical".
+        Name, unique within its rig and direction, e.g. "left_vertical".
     unit : str
         SI unit symbol.
     kind : int
@@ -44,19 +44,19 @@ class Channel:
     minimum, maximum : float
         Allowed range, in `unit`.
     slew_limit : float
-        Largest allowed magnitude of the time derivative, in `unit` per second; 0 where none is stated.
+        Largest allowed magnitude of the time derivative, in `unit` per second; 0 if not stated.
     label : str
-        What it is and where it acts.
+        Description and point of action.
     watchdog : float
-        Of a response: magnitude at which the rig's watchdog ends a run, in `unit`; 0 where none is stated.
+        For a response: magnitude at which the rig's watchdog ends a run, in `unit`; 0 if not stated.
     holds_static : bool
-        Of a drive: whether the rig states that it holds a constant value of it, as displacement control does.
+        For a drive: whether the rig states that it holds a constant value, as in displacement control.
     ac_coupled : bool
-        Of a response: whether the sensor does not measure a constant value.
+        For a response: whether the sensor does not measure a constant value.
     sensor : Sensor, optional
-        Of a response: the sensor, if the rig states it.
+        For a response: the sensor, if the rig states it.
     calculated : tuple of (str, float)
-        Of a calculated channel: name and weight of each channel that it is the sum of.
+        For a calculated channel: name and weight of each channel in its sum.
     """
 
     name: str
@@ -74,7 +74,7 @@ class Channel:
 
     @property
     def title(self) -> str:
-        """The name as words, e.g. "left vertical"."""
+        """Name with spaces, e.g. "left vertical"."""
         return self.name.replace("_", " ")
 
     @classmethod
@@ -120,13 +120,13 @@ class Signals:
     Parameters
     ----------
     channels : tuple of Channel
-        One for each row of `samples`.
+        Channels, one for each row of `samples`.
     sample_rate : float
         Samples per second, in hertz, greater than 0.
     samples : np.ndarray, shape (channels, samples)
-        float64, each row in its channel's unit.
+        Samples as float64, each row in its channel's unit.
     attributes : mapping of str to str
-        What else the file they were read from says of them; see `duralab.formats`.
+        Other attributes from the file; see `duralab.formats`.
     """
 
     channels: tuple[Channel, ...]
@@ -157,22 +157,22 @@ class Signals:
 
     @classmethod
     def from_xarray(cls, labelled: xarray.DataArray | xarray.Dataset) -> Signals:
-        """Return labelled arrays as signals, such as `to_xarray` and `Recording.drives` give.
+        """Convert labelled arrays, such as those of `to_xarray` and `Recording.drives`, to signals.
 
         Parameters
         ----------
         labelled : xarray.DataArray or xarray.Dataset
-            With the dimensions `channel` and `time`.
+            Array with the dimensions `channel` and `time`.
 
         Returns
         -------
         Signals
-            In the units of the coordinate `unit`.
+            Signals in the units of the coordinate `unit`.
 
         Raises
         ------
         InputError
-            Other dimensions than `channel` and `time`, or no sample rate.
+            The dimensions are not `channel` and `time`, or there is no sample rate.
         """
         return from_xarray(labelled)
 
@@ -186,12 +186,12 @@ class Signals:
         Parameters
         ----------
         name : str
-            Of the array.
+            Name of the array.
 
         Returns
         -------
         xarray.DataArray
-            With the coordinates `channel`, `time` and `unit`.
+            Array with the coordinates `channel`, `time` and `unit`.
         """
         import xarray
 
@@ -208,7 +208,7 @@ class Signals:
         )
 
     def __repr__(self) -> str:
-        """Return what they are on one line, without the samples."""
+        """Return a one-line description without the samples."""
         names = ", ".join(self.names)
         return f"Signals({len(self.channels)} x {self.samples.shape[-1]} at {self.sample_rate:g} Hz: {names})"
 
@@ -280,7 +280,7 @@ def _sample_rate(labelled: xarray.DataArray | xarray.Dataset) -> float:
             "the signals first.",
             field="drive.sample_rate",
         )
-    # A rate of 500 Hz must not become 499.9999999999: the rig plays exactly one.
+    # A rate of 500 Hz must not become 499.9999999999: the rig plays exactly one rate.
     return float(np.round(1.0 / step, 6))
 
 
@@ -309,7 +309,7 @@ def signals_html(signals: Signals) -> str:
 
 
 def waveforms(*signals: Signals, names: Sequence[str] = ("",)) -> list[str]:
-    """Return a chart of every channel, signals with the same channels over one another."""
+    """Return a chart for each channel; signals with the same channels share the charts."""
     first = signals[0]
     charts = [
         line_chart(

@@ -1,4 +1,4 @@
-"""Record of a step from a source to the target: figures, text and message."""
+"""Record of a step from a source to the target: values, text and message."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ READ_FILE: Final = "read_file"
 class SourceRecord:
     """Source of a response: the channel of a file and its conversion.
 
-    `source`: Name of the channel in the file; empty where there is none and the target is silent. `source_unit`,
-    `stated_unit`: Unit that the file names, and the one that the campaign states in its place; empty where there is
-    none. `factor`: What a value of the file was multiplied by to be in the rig's unit and sign, an offset between units
-    aside; None where the target is silent. `peak_before`, `rms_before`: Largest magnitude and RMS in the file's unit.
-    `peak_after`, `rms_after`: The same in the rig's unit.
+    `source`: Name of the channel in the file; empty if there is none and the target is zero. `source_unit`,
+    `stated_unit`: Unit in the file, and unit in the campaign that replaces it; empty if there is none. `factor`: Factor
+    from the file's values to the rig's unit and sign, without an offset between units; None if the target is zero.
+    `peak_before`, `rms_before`: Largest magnitude and RMS in the file's unit. `peak_after`, `rms_after`: The same in
+    the rig's unit.
     """
 
     source: str
@@ -37,7 +37,7 @@ class SourceRecord:
 
     @property
     def unit(self) -> str:
-        """The unit that the file's values were taken in."""
+        """Unit used for the file's values."""
         return self.stated_unit or self.source_unit
 
     def __str__(self) -> str:
@@ -57,10 +57,10 @@ class SourceRecord:
 class ChannelRecord:
     """Record of one channel in a step.
 
-    `channel`: Its name. `energy_removed`: Share of the channel's energy, the time integral of its square with its
-    static part, that is gone; negative where some came in. `spikes`: How many were replaced; None where none was looked
-    for. `damage_kept`: Pseudo-damage after over before; None where none was counted. `source`: How it was read; None
-    for a step of editing.
+    `channel`: Name of the channel. `energy_removed`: Removed share of the channel's energy, the time integral of its
+    square with its static part; negative if energy was added. `spikes`: Number of replaced spikes; None if the step
+    does not search for them. `damage_kept`: Pseudo-damage after over before; None if it was not counted. `source`:
+    Source of the channel; None for a step of editing.
     """
 
     channel: str
@@ -74,10 +74,10 @@ class ChannelRecord:
 class StepRecord:
     """Record of a step.
 
-    `name`: As the campaign file names it, e.g. "cut". `settings`: All of its settings, defaults too, as YAML on one
-    line. `samples_before`, `samples_after`: Of each channel. `sample_rate_before`, `sample_rate_after`: In hertz.
-    `channels`: In the target's order. `sections`: Start and end of what was kept, in seconds of the target before the
-    step, where it kept stretches.
+    `name`: Name in the campaign file, e.g. "cut". `settings`: All of its settings, defaults too, as YAML on one line.
+    `samples_before`, `samples_after`: Number of samples of each channel. `sample_rate_before`, `sample_rate_after`:
+    Sample rates in hertz. `channels`: Records in the target's order. `sections`: Start and end of the kept sections, in
+    seconds of the target before the step, if it kept sections.
     """
 
     name: str
@@ -197,11 +197,11 @@ def step_record(
     damage_kept: Mapping[str, float],
     sections: Iterable[tuple[float, float]],
 ) -> StepRecord:
-    """Compare the target before a step with that after it.
+    """Compare the target before and after a step.
 
-    `name`, `settings`: Of the step, as in `StepRecord`. `before`, `after`: The same channels. `spikes`, `damage_kept`:
-    By channel; empty where the step does not look for it. `sections`: As in `StepRecord`.
-    Returns: What the step changed, by channel.
+    `name`, `settings`, `sections`: As in `StepRecord`. `before`, `after`: Signals of the same channels. `spikes`,
+    `damage_kept`: Values by channel; empty if the step does not compute them.
+    Returns: Record of the changes, by channel.
     """
     energies = [np.sum(signals.samples**2, axis=1) / signals.sample_rate for signals in (before, after)]
     removed = [1.0 - float(left) / float(there) if there > 0.0 else 0.0 for there, left in zip(*energies, strict=True)]

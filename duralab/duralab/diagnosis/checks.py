@@ -32,14 +32,14 @@ class Severity(StrEnum):
 
     FINE = "fine"
     WARNING = "warning"
-    """A lab works, a part of it does not, or not for long."""
+    """A lab works, but a part of it does not, or will not for long."""
     PROBLEM = "problem"
-    """No lab works before this is mended."""
+    """No lab works before this is corrected."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """Finding of one check; `remedy` says what to do and is empty if nothing is to be done."""
+    """Finding of one check; `remedy` is empty if nothing must be done."""
 
     check: str
     severity: Severity
@@ -48,17 +48,17 @@ class Finding:
 
 
 def fine(check: str, sentence: str) -> Finding:
-    """Return that all is well."""
+    """Return a finding without a problem."""
     return Finding(check, Severity.FINE, sentence)
 
 
 def warning(check: str, sentence: str, remedy: str) -> Finding:
-    """Return what does not work, or not for long, and what to do."""
+    """Return a finding about a part that does not work, or will not for long, with the remedy."""
     return Finding(check, Severity.WARNING, sentence, remedy)
 
 
 def problem(check: str, sentence: str, remedy: str) -> Finding:
-    """Return what keeps a lab from working, and what to do."""
+    """Return a finding about a problem that prevents a lab from working, with the remedy."""
     return Finding(check, Severity.PROBLEM, sentence, remedy)
 
 
@@ -66,7 +66,7 @@ _POINTER_BITS: Final = 64
 
 
 def check_python(version: tuple[int, ...], *, pointer_bits: int, executable: str) -> Finding:
-    """Judge the Python that runs this and will run the services."""
+    """Check the Python that runs this process and will run the services."""
     if (fault := python_fault(version)) is not None:
         return problem("Python", f"{executable}: {fault}", "Install one, and make the environment with it.")
     if pointer_bits != _POINTER_BITS:
@@ -79,7 +79,7 @@ def check_python(version: tuple[int, ...], *, pointer_bits: int, executable: str
 
 
 def check_services(is_installed: Callable[[str], bool], *, executable: str) -> Finding:
-    """Judge whether this Python can start every service; `is_installed` tells it of a module."""
+    """Check whether this Python can start every service; `is_installed` returns whether a module is installed."""
     missing = [name for name in SERVICES if not is_installed(name)]
     if missing:
         return problem(
@@ -91,7 +91,7 @@ def check_services(is_installed: Callable[[str], bool], *, executable: str) -> F
 
 
 def check_shadows(folder: Path, *, paths: Sequence[str]) -> Finding:
-    """Judge whether a file here, or on PYTHONPATH, would be taken for a service of the same name."""
+    """Check whether a file in a folder, or on PYTHONPATH, hides a service of the same name."""
     places = [folder, *(Path(path) for path in paths if path)]
     found = [
         shadow
@@ -110,7 +110,7 @@ def check_shadows(folder: Path, *, paths: Sequence[str]) -> Finding:
 
 
 def check_command(found: str | None, *, prefix: Path) -> Finding:
-    """Judge whether the command `duralab` that a shell finds belongs to the Python at `prefix`."""
+    """Check whether the command `duralab` found by a shell is of the Python at `prefix`."""
     if found is None:
         return warning(
             "command",
@@ -127,13 +127,13 @@ def check_command(found: str | None, *, prefix: Path) -> Finding:
 
 
 ON_THE_WIRE: Final = ("eclipse-zenoh", "protobuf")
-"""Packages whose versions decide whether two machines understand each other."""
+"""Packages whose versions must match for communication between two machines."""
 
 _MOST_SHOWN: Final = 5
 
 
 def check_own_versions(installed: Mapping[str, str]) -> Finding:
-    """Judge whether the lab's own distributions are of one version; `installed` has versions by names."""
+    """Check whether Duralab's distributions have the same version; `installed` has versions by names."""
     found = {name: version for name, version in sorted(installed.items()) if _is_own(name)}
     if len(set(found.values())) > 1:
         listed = ", ".join(f"{name} {version}" for name, version in found.items())
@@ -142,7 +142,7 @@ def check_own_versions(installed: Mapping[str, str]) -> Finding:
 
 
 def check_requirements(required: Iterable[str], installed: Mapping[str, str]) -> Finding:
-    """Judge whether everything that the lab needs is there."""
+    """Check whether all required packages are installed."""
     names = {_name(requirement) for requirement in required if "extra ==" not in requirement}
     missing = sorted(name for name in names if name not in installed)
     if missing:
@@ -155,7 +155,7 @@ def check_requirements(required: Iterable[str], installed: Mapping[str, str]) ->
 
 
 def check_lock(locked: Mapping[str, set[str]], installed: Mapping[str, str]) -> Finding:
-    """Judge whether the packages are those that were tested."""
+    """Check whether the packages have the tested versions."""
     if not locked:
         return fine("lock", "no requirements.lock beside this installation to compare with")
     others = {name: version for name, version in installed.items() if name in locked and version not in locked[name]}
@@ -170,7 +170,7 @@ def check_lock(locked: Mapping[str, set[str]], installed: Mapping[str, str]) -> 
 
 
 def locked_versions(text: str) -> dict[str, set[str]]:
-    """Return the versions that the text of a requirements.lock allows, by names; one may have two, by Python."""
+    """Return the versions allowed by a requirements.lock, by names; a package may have one per Python version."""
     found: dict[str, set[str]] = {}
     for name, version in re.findall(r"(?m)^([A-Za-z0-9._-]+)==([^\s;\\]+)", text):
         found.setdefault(_name(name), set()).add(version)
@@ -178,30 +178,30 @@ def locked_versions(text: str) -> dict[str, set[str]]:
 
 
 def _name(requirement: str) -> str:
-    """Return the name in a requirement, as names are compared."""
+    """Return the normalised name in a requirement."""
     match = re.match(r"[A-Za-z0-9._-]+", requirement)
     return re.sub(r"[-_.]+", "-", match[0] if match else requirement).lower()
 
 
 def named(versions: Iterable[tuple[str | None, str]]) -> dict[str, str]:
-    """Return versions by names, as names are compared."""
+    """Return versions by normalised names."""
     return {_name(name): version for name, version in versions if name}
 
 
 MEBIBYTE: Final = 1024 * 1024
 
 RECORDER_KEEPS_FREE: Final = 256 * MEBIBYTE
-"""The recorder waits below this, so that the system still has room."""
+"""Free space below which the recorder waits, so that the system keeps some space."""
 
 COMFORTABLE: Final = 2048 * MEBIBYTE
-"""Seventeen times what the shipped demo leaves, 118 MiB."""
+"""Free space without a warning: seventeen times the 118 MiB of the shipped demo."""
 
 TEMPORARY_NEEDS: Final = 64 * MEBIBYTE
-"""The services' settings, and the live view that is made again from a log."""
+"""Space for the services' settings, and for a live view rebuilt from a recording."""
 
 
 def check_disk(folder: Path, *, free: int) -> Finding:
-    """Judge the room on a disk."""
+    """Check the free space on a disk."""
     sentence = f"{free / MEBIBYTE:,.0f} MiB are free for recordings in {folder}"
     if free < RECORDER_KEEPS_FREE:
         return problem(
@@ -215,7 +215,7 @@ def check_disk(folder: Path, *, free: int) -> Finding:
 
 
 def check_writable(check: str, folder: Path, *, remedy: str) -> Finding:
-    """Judge whether a file can be made in a folder, or in the nearest one above it that is there."""
+    """Check whether a file can be made in a folder, or in its nearest existing parent."""
     place = nearest_folder(folder)
     try:
         with tempfile.TemporaryFile(dir=place):
@@ -226,7 +226,7 @@ def check_writable(check: str, folder: Path, *, remedy: str) -> Finding:
 
 
 def check_temporary(folder: Path, *, free: int) -> Finding:
-    """Judge the folder for temporary files, with the bytes free there."""
+    """Check the folder for temporary files, with its free bytes."""
     written = check_writable("temporary", folder, remedy="Set TMPDIR to a folder that you may write.")
     if written.remedy:
         return written
@@ -240,7 +240,7 @@ def check_temporary(folder: Path, *, free: int) -> Finding:
 
 
 def check_locale(encoding: str, *, file_names: str) -> Finding:
-    """Judge how text is written."""
+    """Check the encodings of text and file names."""
     wrong = [name for name in (encoding, file_names) if not _is_utf_8(name)]
     if wrong:
         return warning(
@@ -259,7 +259,7 @@ def _is_utf_8(name: str) -> bool:
 
 
 def nearest_folder(folder: Path) -> Path:
-    """Return a folder, or the nearest one above it that is there."""
+    """Return a folder, or its nearest existing parent."""
     place = folder.absolute()
     while not place.is_dir() and place != place.parent:
         place = place.parent
@@ -267,7 +267,7 @@ def nearest_folder(folder: Path) -> Path:
 
 
 def free_bytes(folder: Path) -> int:
-    """Return the bytes free for this user on the disk of a folder that need not be there yet."""
+    """Return the bytes free for this user on the disk of a folder, which need not exist."""
     import shutil
 
     return shutil.disk_usage(os.fspath(nearest_folder(folder))).free
@@ -278,7 +278,7 @@ LOOPBACK: Final = "127.0.0.1"
 
 
 def check_bus() -> Finding:
-    """Judge whether two sessions on loopback find each other."""
+    """Check whether two sessions on loopback find each other."""
     try:
         with (
             open_bus(BusConfig(), service="duralab") as first,
@@ -290,7 +290,7 @@ def check_bus() -> Finding:
 
 
 def check_ports(labs: Collection[str], *, is_free: dict[int, bool]) -> list[Finding]:
-    """Judge the ports that `duralab up` and the viewer take where nothing else is said."""
+    """Check the default ports of `duralab up` and the viewer."""
     findings = []
     if is_free[LAB_PORT]:
         findings.append(fine("lab's port", f"{LAB_PORT} is free"))
@@ -319,13 +319,13 @@ def check_ports(labs: Collection[str], *, is_free: dict[int, bool]) -> list[Find
 
 
 def ports_free() -> dict[int, bool]:
-    """Return for each of the usual ports whether it can be listened on."""
+    """Return whether each of the default ports is free."""
     return {port: _is_free(port) for port in (LAB_PORT, GRPC_PORT, WEB_PORT)}
 
 
 def _is_free(port: int) -> bool:
     with socket.socket() as probe:
-        # As the programs do: what a connection left behind some seconds ago is in nobody's way.
+        # Same option as in the programs: a port in TIME_WAIT counts as free.
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             probe.bind((LOOPBACK, port))
@@ -335,20 +335,20 @@ def _is_free(port: int) -> bool:
 
 
 _SOFTWARE: Final = ("lvp", "swrast", "swiftshader", "vk_swiftshader")
-"""Begin of the names of drivers that draw with the processor."""
+"""Prefixes of the names of software drivers."""
 
 _DRIVER_FOLDERS: Final = ("/etc/vulkan/icd.d", "/usr/share/vulkan/icd.d", "/usr/local/share/vulkan/icd.d")
 
 
 def check_viewer(program: Path | None) -> Finding:
-    """Judge whether the viewer is installed; `program` is where, None where it is not."""
+    """Check whether the viewer is installed; `program` is its path, or None."""
     if program is None:
         return warning("viewer", "The Rerun viewer is not installed.", "Install the package rerun-sdk to use --view.")
     return fine("viewer", str(program))
 
 
 def check_graphics(*, system: str, display: bool, library: str | None, drivers: list[Path]) -> Finding:
-    """Judge whether the viewer can draw in its own window."""
+    """Check whether the viewer can draw in a window."""
     if system in ("darwin", "win32"):
         return fine("graphics", "the system's own driver")
     if not display:
@@ -369,7 +369,7 @@ def check_graphics(*, system: str, display: bool, library: str | None, drivers: 
 
 
 def vulkan_drivers(environment: Mapping[str, str], *, home: Path) -> list[Path]:
-    """Return the descriptions of Vulkan drivers, as its loader looks for them."""
+    """Return the description files of Vulkan drivers, with the search order of Vulkan's loader."""
     for variable in ("VK_DRIVER_FILES", "VK_ICD_FILENAMES"):
         if given := environment.get(variable):
             return [path for path in map(Path, given.split(":")) if path.is_file()]
@@ -381,7 +381,7 @@ _LOCK: Final = "requirements.lock"
 
 
 def examine(recordings: Path) -> list[Finding]:
-    """Look at everything that a lab needs of this machine; `recordings` is the folder for recordings."""
+    """Check all that a lab needs of this machine; `recordings` is the folder for recordings."""
     installed = named((found.metadata["Name"], found.version) for found in metadata.distributions())
     temporary = Path(tempfile.gettempdir())
     return [
@@ -390,7 +390,7 @@ def examine(recordings: Path) -> list[Finding]:
         check_shadows(Path.cwd(), paths=os.environ.get("PYTHONPATH", "").split(os.pathsep)),
         check_command(shutil.which("duralab"), prefix=Path(sys.prefix)),
         check_own_versions(installed),
-        # What the lab's own distributions ask for, as far as they are installed.
+        # Requirements of Duralab's installed distributions.
         check_requirements(
             [asked for name in installed if _is_own(name) for asked in metadata.requires(name) or ()], installed
         ),
@@ -413,12 +413,12 @@ def examine(recordings: Path) -> list[Finding]:
 
 
 def _is_own(name: str) -> bool:
-    """Return whether a distribution is one of the lab's own."""
+    """Return whether a distribution is part of Duralab."""
     return name == "duralab" or name.startswith("duralab-")
 
 
 def _locked() -> dict[str, set[str]]:
-    """Return what the lock of a source tree allows; nothing where the lab was installed without one."""
+    """Return the versions in the lock of a source tree; empty for an installation without a lock."""
     for folder in Path(__file__).resolve().parents:
         if (folder / _LOCK).is_file() and (folder / "Makefile").is_file():
             return locked_versions((folder / _LOCK).read_text(encoding="utf-8"))

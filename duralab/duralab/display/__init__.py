@@ -1,4 +1,4 @@
-"""Display of results: tables as text, tables and pictures as HTML for a notebook. Works without a network."""
+"""Display of results: tables as text, tables and charts as HTML for a notebook; works offline."""
 
 from duralab.display.charts import MOST_CHARTS, Axis, Curve, line_chart
 from duralab.display.page import to_html

@@ -1,4 +1,4 @@
-"""Small line charts as inline SVG: they open anywhere, also offline, on a light and on a dark page."""
+"""Small line charts as inline SVG, for offline use, on light and dark pages."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ from duralab_spectra import drawn_points
 
 WIDTH: Final = 720
 _LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 22, 34
-# Told apart by an eye that sees colours badly, and on black as well as on white.
+# Distinguishable with colour blindness, on black and on white.
 COLORS: Final = ("#3b82c4", "#d9822b", "#3fa06c", "#b565a7", "#c94f4f", "#8a7a3d", "#5f9ea0", "#888888")
 _MOST_TICKS: Final = 6
 
 
 @dataclass(frozen=True, eq=False)
 class Curve:
-    """One line of a chart.
+    """Curve of a chart.
 
-    `name`: For the legend; none where empty. `x`, `y`, shape (points): What is not finite, or not above 0 on a
-    logarithmic axis, is left out.
+    `name`: Name in the legend; no entry if empty. `x`, `y`, shape (points): Coordinates; points that are not finite, or
+    not above 0 on a logarithmic axis, are omitted.
     """
 
     name: str
@@ -73,12 +73,12 @@ class _Scale:
 def line_chart(
     curves: Sequence[Curve], *, x: Axis, y: Axis, title: str = "", height: int = 220, from_zero: bool = False
 ) -> str:
-    """Return a chart of curves over one another as an SVG element.
+    """Return a chart of several curves as an SVG element.
 
-    `curves`: Curves of more points than the picture has columns are drawn by the smallest and largest value of each
-    column. `x`, `y`: The axes. `title`: Above the chart. `height`: In pixels of 720 in width. `from_zero`: Whether the
-    vertical axis begins at 0.
-    Returns: The SVG element.
+    `curves`: Curves; one with far more points than columns is drawn by the smallest and largest value of each column.
+    `x`, `y`: Axes. `title`: Title above the chart. `height`: Height in pixels, for a width of 720. `from_zero`: Whether
+    the vertical axis includes 0.
+    Returns: SVG element.
     """
     shown = [_drawable(curve, x=x, y=y) for curve in curves]
     if not any(curve.x.size for curve in shown):
@@ -161,4 +161,4 @@ def _legend(curves: Sequence[Curve]) -> str:
 
 
 MOST_CHARTS: Final = 8
-"""Channels that are drawn; a page with more is no glance any more."""
+"""Maximum number of drawn channels, to keep the page short."""

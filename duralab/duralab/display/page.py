@@ -1,4 +1,4 @@
-"""Results as their own page, outside of a notebook."""
+"""Results as a separate page, without a notebook."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ _STYLE: Final = (
 
 
 def to_html(*results: object, title: str = "Duralab") -> str:
-    """Return results as one HTML page that opens offline, as a notebook shows them.
+    """Return results as one offline HTML page, with their notebook views.
 
     Parameters
     ----------
     *results : object
-        What the SDK returns, or anything else: objects without an HTML view are shown as text.
+        Results of the SDK, or other objects; an object without an HTML view is shown as text.
     title : str
-        Of the page.
+        Title of the page.
 
     Returns
     -------
     str
-        The page; write it as UTF-8.
+        HTML page; write it as UTF-8.
     """
     parts = []
     for result in results:

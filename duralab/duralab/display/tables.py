@@ -9,11 +9,11 @@ Row = Sequence[str]
 
 
 def text_table(headings: Row, rows: Sequence[Row], *, left: int = 0) -> str:
-    """Return a table as text, its columns as wide as they must be.
+    """Return a table as text, with minimal column widths.
 
-    `headings`: Of the columns. `rows`: As many cells in each as there are headings. `left`: This many columns, from the
-    first, are set flush left, the others flush right.
-    Returns: The lines of the table, without a line end after the last.
+    `headings`: Headings of the columns. `rows`: Rows with a cell for each heading. `left`: Number of left-aligned
+    columns, from the first; the others are right-aligned.
+    Returns: Lines of the table, without a line end after the last.
     """
     widths = [max(len(line[i]) for line in (headings, *rows)) for i in range(len(headings))]
     return "\n".join(
@@ -26,11 +26,11 @@ def text_table(headings: Row, rows: Sequence[Row], *, left: int = 0) -> str:
 
 
 def html_table(headings: Row, rows: Sequence[Row], *, left: int = 0, caption: str = "") -> str:
-    """Return the same as HTML, every cell escaped; see `text_table`.
+    """Return a table as HTML, with escaped cells; see `text_table`.
 
-    `headings`: Headings of the columns. `rows`: As many cells in each as there are headings. `left`: This many columns,
-    from the first, are set flush left, the others flush right. `caption`: Text above the table.
-    Returns: A table element.
+    `headings`: Headings of the columns. `rows`: Rows with a cell for each heading. `left`: Number of left-aligned
+    columns, from the first; the others are right-aligned. `caption`: Text above the table.
+    Returns: Table element.
     """
 
     def line(tag: str, cells: Row) -> str:

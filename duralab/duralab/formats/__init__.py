@@ -1,4 +1,4 @@
-"""Signals in the files that durability engineers exchange; each format is imported when it is used."""
+"""Signals in file formats of durability engineering; each format is imported at its first use."""
 
 from duralab.formats.controller_files import ExportedDrive, ImportedResponse, export_drive, import_response
 from duralab.formats.errors import FormatError, Written

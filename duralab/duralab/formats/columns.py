@@ -1,4 +1,4 @@
-"""Common part of the formats: columns of a table, names of channels, sample rates, and the check of what was read."""
+"""Common part of the formats: table columns, channel names, sample rates, and checks of read signals."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from duralab.formats.errors import FormatError
 from duralab_drive_files import rate_of_step, unique_names
 
 LARGEST_TIME_STEP_ERROR: Final = 1e-3
-"""How far a time stamp may lie from an even grid, as a share of the step."""
+"""Largest deviation of a time stamp from an even grid, as a share of the step."""
 
 
 def rate_of_times(path: Path, time: np.ndarray) -> float:
@@ -75,7 +75,7 @@ def signals_read(
     sample_rate: float = 0.0,
     attributes: Mapping[str, str] = MappingProxyType({}),
 ) -> Signals:
-    """Return what a file holds as signals, at a sample rate or at times; refuse values that are not finite."""
+    """Return a file's samples as signals, at a sample rate or at times; refuse values that are not finite."""
     names = unique_names(names)
     times = [] if time is None else [("time", time)]
     for name, row in [*times, *zip(names, samples, strict=True)]:
@@ -89,7 +89,7 @@ def signals_read(
 
 
 def one_step(path: Path, what: str, found: Iterable[tuple[float, int]], *, step_name: str = "time step") -> float:
-    """Return the time step in seconds that channels have in common, of the step and the length of each."""
+    """Return the common time step in seconds; `found` holds the step and the length of each channel."""
     steps = set(found)
     if len(steps) != 1:
         raise FormatError(

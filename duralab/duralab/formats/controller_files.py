@@ -1,4 +1,4 @@
-"""Files of a rig's controller by hand: a drive out, its response back, as the file gateway exchanges them."""
+"""Manual exchange of files with a rig's controller: export a drive, import its response, as the file gateway does."""
 
 from __future__ import annotations
 
@@ -26,20 +26,20 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ExportedDrive:
-    """A drive file that waits for its response.
+    """Drive file that waits for its response.
 
     Parameters
     ----------
     path, page : Path
-        The drive file, and the order page beside it.
+        Paths of the drive file, and of the order page beside it.
     order : Order
         Contents of the JSON file beside it.
     rig : str
         Name of the rig.
     limit_shares : tuple of float
-        Of each drive, in the order of the map: its peak over its limit.
+        Peak over limit of each drive, in the order of the map.
     notes : tuple of str
-        Sentences: what was resampled, calibrations that are overdue.
+        Sentences about resampling and overdue calibrations.
     """
 
     path: Path
@@ -52,18 +52,18 @@ class ExportedDrive:
 
 @dataclass(frozen=True, eq=False)
 class ImportedResponse:
-    """The response to a drive file, accepted and aligned.
+    """Response to a drive file, accepted and aligned.
 
     Parameters
     ----------
     signals : Signals
-        Measured, then calculated responses, from the first sample of the drive to its last, in the units of the lab.
+        Measured responses, then calculated ones, from the drive's first sample to its last, in the units of the lab.
     run : str
         Name of the run.
     alignment : Alignment or None
-        Lag in samples of the lab, gain and offset of each recorded command; None where no command is recorded.
+        Lag in samples of the lab, gain and offset of each recorded command; None if no command is recorded.
     notes : tuple of str
-        Sentences about checks that could not be made, and calibrations that are overdue.
+        Sentences about checks that could not be made, and overdue calibrations.
     """
 
     signals: Signals
@@ -79,21 +79,21 @@ def export_drive(drive: Signals, controller_map: Path, *, run: str) -> ExportedD
     Parameters
     ----------
     drive : Signals
-        Channels by the drives' names in the lab, or by those of the controller; others are left out.
+        Channels with the drives' names in the lab or at the controller; other channels are ignored.
     controller_map : Path
-        YAML.
+        YAML file of the map.
     run : str
-        Name of the run and of its files; new in this exchange folder.
+        Name of the run and of its files, new in this exchange folder.
 
     Returns
     -------
     ExportedDrive
-        Nothing was moved: a person or a controller plays the file.
+        Exported drive; nothing moved, because a person or a controller plays the file.
 
     Raises
     ------
     InputError
-        The map, the drive or the folder cannot be used, or a run waits there already; nothing was written.
+        The map, the drive or the folder cannot be used, or another run waits there; nothing was written.
     """
     from duralab_drive_files import Inbox, Outbox, read_controller_map
 
@@ -124,21 +124,21 @@ def export_drive(drive: Signals, controller_map: Path, *, run: str) -> ExportedD
 
 @as_input_error()
 def import_response(path: Path, controller_map: Path, *, run: str | None = None) -> ImportedResponse:
-    """Read the response of a controller to a drive file of the outbox, checked, aligned and in the units of the lab.
+    """Read a controller's response to a drive file of the outbox; check, align and convert it to the units of the lab.
 
     Parameters
     ----------
     path : Path
-        RPC III.
+        Response file, RPC III.
     controller_map : Path
-        YAML, the one that the drive was exported with.
+        YAML file of the map with which the drive was exported.
     run : str, optional
-        Name of the run; that of the response file where left out.
+        Name of the run; the response file's name if not given.
 
     Returns
     -------
     ImportedResponse
-        The run has ended: its files are in `outbox/done`.
+        Response; the run has ended, and its files are in `outbox/done`.
 
     Raises
     ------
@@ -170,7 +170,7 @@ def import_response(path: Path, controller_map: Path, *, run: str | None = None)
 
 
 def _drives_of(mapped: ControllerMap, drive: Signals) -> np.ndarray:
-    """Return the rows of a drive in the units of the lab; its channels have the lab's names or the controller's."""
+    """Return the rows of a drive in the units of the lab; channels have the lab's or the controller's names."""
     from duralab_drive_files import TimeHistory
 
     names = [channel.name for channel in mapped.drives]
@@ -217,7 +217,7 @@ def _require_within(mapped: ControllerMap, samples: np.ndarray) -> None:
 
 
 def _beyond(mapped: ControllerMap, channel: MappedChannel, row: np.ndarray) -> Iterator[str]:
-    # A decimal number of the file may lie in the last bit beyond a limit that has the same digits.
+    # A decimal number in the file may exceed a limit of the same digits by the last bit.
     slack = 1e-9 * (channel.maximum - channel.minimum)
     lowest, highest = float(row.min()), float(row.max())
     if lowest < channel.minimum - slack or highest > channel.maximum + slack:
@@ -234,7 +234,7 @@ def _beyond(mapped: ControllerMap, channel: MappedChannel, row: np.ndarray) -> I
 
 
 def _asked(mapped: ControllerMap, run: str) -> tuple[Order, np.ndarray]:
-    """Return the order of a run, waiting or ended, and its drive as its file has it."""
+    """Return the order of a run, waiting or ended, and the drive in its file."""
     from duralab_drive_files import read_order, read_rpc3, sampled_at
 
     outbox = mapped.exchange / "outbox"
@@ -253,7 +253,7 @@ def _asked(mapped: ControllerMap, run: str) -> tuple[Order, np.ndarray]:
             drive_file, f"its SHA-256 is not the one in {run}.json, so it was changed; export the drive as another run."
         )
     rate, file_rate = mapped.sample_rate, history.sample_rate
-    # The last sample of the drive may lie within a step of the file after the last one of the file.
+    # The drive's last sample may be up to one step of the file after the file's last sample.
     instants = np.arange(math.ceil((history.samples.shape[1] - 1) * rate / file_rate - 1e-6) + 1) / rate
     rows = sampled_at(mapped.drives_from_controller(history), file_rate, instants, new_rate=rate)
     lead = round(order.lead_samples * rate / file_rate)

@@ -15,7 +15,7 @@ from duralab.errors import InputError
 from duralab.formats.columns import headings, named_in_headings, signals_read
 from duralab.formats.errors import FormatError, Written, opened, require_file
 
-# Where a spreadsheet may begin a cell, whatever it takes for the separator, and would take the text for a formula.
+# Positions where a spreadsheet, with any separator, may begin a cell and read the text as a formula.
 _BEGIN: Final = "(^|[;\t])"
 _FORMULA: Final = "(?=[\"']*[=+\\-@\t＝＋－＠])"
 _UNGUARDED: Final = re.compile(_BEGIN + _FORMULA)
@@ -32,7 +32,7 @@ def read_csv(path: Path) -> Signals:
     try:
         with opened(path), path.open(encoding="utf-8-sig", newline="") as stream:
             header = stream.readline(_LONGEST_LINE)
-            # What a name holds may be there more often than what stands between names.
+            # Detect the separator after the time heading: a name may contain another separator more often.
             named = _SEPARATOR.match(header)
             separator = named[1] if named else max(",;\t", key=header.count)
             cells = next(csv.reader([header], delimiter=separator, strict=True), [])
@@ -61,7 +61,7 @@ def read_csv(path: Path) -> Signals:
 
 
 def _line(message: str) -> int:
-    """Return the line, from 1, that numpy complains of; it counts rows from 0 or 1, after the header."""
+    """Return the line, from 1, of an error of numpy, which counts rows after the header from 0 or 1."""
     found = re.search(r"at row (\d+)", message)
     if found is None:
         return 2
@@ -88,10 +88,10 @@ def _undecodable(path: Path) -> int:
 
 
 def write_csv(signals: Signals, path: Path) -> Written:
-    """Write CSV text; numbers have as many digits as it takes to read the same float64 back.
+    """Write CSV text; numbers have enough digits to restore the same float64.
 
-    A name that a spreadsheet would run as a formula gets a single quote before it (CSV injection, OWASP), which
-    `read_csv` takes away: a rig and a file from elsewhere may name a channel as they like.
+    A name that a spreadsheet would run as a formula gets a leading single quote (CSV injection, OWASP), which
+    `read_csv` removes: rigs and foreign files may use any channel name.
     """
     for channel in signals.channels:
         if set(channel.name + channel.unit) & {"\n", "\r"}:

@@ -14,16 +14,16 @@ from duralab_settings import UnitError
 
 
 class FormatError(InputError):
-    """A file does not hold what its format asks for.
+    """A file does not conform to its format.
 
     Parameters
     ----------
     path : Path
-        The file.
+        Path of the file.
     sentence : str
-        What is wrong with which value, and what was expected.
+        Wrong value and expected value.
     offset : int, optional
-        Byte of the file at which it went wrong; None where the file as a whole is meant.
+        Byte offset of the error; None if it is about the whole file.
     """
 
     def __init__(self, path: Path, sentence: str, *, offset: int | None = None) -> None:
@@ -34,7 +34,7 @@ class FormatError(InputError):
 
 @contextmanager
 def as_input_error() -> Iterator[None]:
-    """Raise what the library says of a file or a setting as an error of the SDK; also a decorator."""
+    """Convert errors of the library about a file or a setting to errors of the SDK; also a decorator."""
     try:
         yield
     except UnitError as error:
@@ -47,7 +47,7 @@ def as_input_error() -> Iterator[None]:
 
 @contextmanager
 def opened(path: Path) -> Iterator[None]:
-    """Turn what the operating system says of a file into one sentence."""
+    """Convert errors of the operating system about a file to an error sentence."""
     with as_input_error(), duralab_drive_files.opened(path):
         yield
 
@@ -60,23 +60,23 @@ def require_file(path: Path) -> int:
 
 @dataclass(frozen=True)
 class Written:
-    """A file that was written, and what of the signals is not in it as it was.
+    """Written file, and losses of its format.
 
     Parameters
     ----------
     path : Path
-        The file.
+        Path of the file.
     format : str
         Value of `duralab.formats.Format`.
     samples : int
-        Samples of each channel.
+        Number of samples of each channel.
     padding : int
-        Zeros that follow them because the format stores whole groups; 0 where it does not.
+        Number of zeros after the samples, if the format stores whole groups; otherwise 0.
     largest_errors : tuple of float
-        For each channel the largest difference between a sample and what the file holds of it, in the channel's unit,
-        measured while it was written; 0 where samples are stored as they are.
+        Largest difference between a sample and its stored value for each channel, in the channel's unit, measured while
+        writing; 0 if samples are stored unchanged.
     notes : tuple of str
-        Sentences about what the format could not keep.
+        Sentences about content that the format cannot store.
     """
 
     path: Path

@@ -1,4 +1,4 @@
-"""One reader and one writer for all formats, chosen by the file's suffix or by name."""
+"""Reader and writer for all formats, chosen by the file's suffix or by name."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 
 class Format(StrEnum):
-    """A file format of signals."""
+    """File format of signals."""
 
     RPC3 = "rpc3"
     MDF4 = "mdf4"
@@ -36,7 +36,7 @@ class Format(StrEnum):
 
 @dataclass(frozen=True)
 class _Codec:
-    """Reader and writer of a format ("module:function"); imported when they are used."""
+    """Reader and writer of a format ("module:function"), imported at their first use."""
 
     reader: str
     writer: str
@@ -55,21 +55,21 @@ _CODECS: Final = {
 
 
 GROUP: Final = "duralab.formats"
-"""Entry points of plug-ins: each names a `FormatPlugin`."""
+"""Entry-point group of plug-ins; each entry names a `FormatPlugin`."""
 
 
 @dataclass(frozen=True)
 class FormatPlugin:
-    """A file format that an installed distribution offers as an entry point of the group `duralab.formats`.
+    """File format of an installed distribution, given as an entry point of the group `duralab.formats`.
 
     Parameters
     ----------
     suffixes : tuple of str
-        Of its files, lower case, each with its dot; a suffix of a shipped format stays with that one.
+        Suffixes of its files, lower case, with the dot; a shipped format has priority for its suffixes.
     reader : callable
-        Given a path, returns the `Signals` of the file; `FormatError` for what it cannot read.
+        Returns the `Signals` of a file at a path; raises `FormatError` if it cannot read the file.
     writer : callable, optional
-        Given `Signals` and a path, writes the file and returns `Written`; not given for a format that is only read.
+        Writes `Signals` to a path and returns `Written`; not given for a read-only format.
     """
 
     suffixes: tuple[str, ...]
@@ -78,7 +78,7 @@ class FormatPlugin:
 
 
 def _plugin(name: str) -> Plugin:
-    """Load the plug-in of a format and check what it is."""
+    """Load the plug-in of a format and check its type."""
     try:
         found = load_plugin(GROUP, name, field="format", shipped=list(Format))
     except SettingsError as error:
@@ -93,7 +93,7 @@ def _plugin(name: str) -> Plugin:
 
 
 def _plugin_of_suffix(suffix: str) -> str | None:
-    """Return the name of the plug-in whose files have a suffix; None without one."""
+    """Return the name of the plug-in for a suffix; None if there is none."""
     found, faults = [], []
     for name in plugin_names(GROUP):
         try:
@@ -101,7 +101,7 @@ def _plugin_of_suffix(suffix: str) -> str | None:
                 found.append(name)
         except InputError as error:
             faults.append(error)
-    # A plug-in that cannot be loaded keeps no other one from its files.
+    # A plug-in that cannot be loaded must not block other plug-ins.
     if faults and not found:
         raise faults[0]
     if len(found) > 1:
@@ -113,7 +113,7 @@ def _plugin_of_suffix(suffix: str) -> str | None:
 
 
 def format_of(path: Path, given: str | None) -> str:
-    """Return the format that is given, or the one that the suffix stands for.
+    """Return the given format, or the one of the suffix.
 
     Parameters
     ----------
@@ -130,7 +130,7 @@ def format_of(path: Path, given: str | None) -> str:
     Raises
     ------
     InputError
-        Neither is known, or a plug-in cannot be loaded.
+        The format or suffix is unknown, or a plug-in cannot be loaded.
     """
     if given is not None:
         if given.lower() in list(Format):
@@ -162,24 +162,24 @@ def read_signals(path: str | Path, *, format: str | None = None) -> Signals:
     Parameters
     ----------
     path : str or Path
-        RPC III, MDF 4, UFF 58, TDMS, MATLAB level 5, CSV or Parquet.
+        File in RPC III, MDF 4, UFF 58, TDMS, MATLAB level 5, CSV or Parquet.
     format : str, optional
-        Value of `Format` or name of a plug-in; by the suffix where left out.
+        Value of `Format` or name of a plug-in; chosen by the suffix if not given.
 
     Returns
     -------
     Signals
-        All channels in the units of the file, float64; what else the file says is in `attributes`.
+        All channels in the units of the file, float64; other information of the file is in `attributes`.
 
     Raises
     ------
     FormatError
-        Naming the file, where known the byte, and what was expected.
+        The file is damaged or not of the format; states the file, the byte if known, and the expected content.
     InputError
-        The format is not known, or its library is not installed.
+        The format is unknown, or its library is not installed.
     """
     path = Path(path)
-    # A suffix may be what is mistyped, the name of a format is not part of the file's.
+    # Check a given format first; check the suffix only after the file, because the suffix may be mistyped.
     form = None if format is None else format_of(path, format)
     _require_there(path)
     form = form or format_of(path, None)
@@ -209,7 +209,7 @@ def _read_by_plugin(plugin: Plugin, path: Path) -> Signals:
 
 
 def _writer(form: str) -> Callable[..., Written]:
-    """Return the writer of a format; an error of a plug-in names it."""
+    """Return the writer of a format; errors of a plug-in name the plug-in."""
     if isinstance(form, Format):
         return _function(_CODECS[form].writer)
     plugin = _plugin(form)
@@ -239,7 +239,7 @@ def _require_there(path: Path) -> None:
     except (FileNotFoundError, NotADirectoryError) as error:
         raise FormatError(path, f"there is no such file; give a file of signals{did_you_mean(path)}") from error
     except (OSError, ValueError):
-        return  # The reader says why.
+        return  # The reader reports the error.
 
 
 def write_signals(
@@ -250,30 +250,30 @@ def write_signals(
     overwrite: bool = False,
     data_type: DataType | str | None = None,
 ) -> Written:
-    """Write signals into a file, which appears whole or not at all.
+    """Write signals to a file atomically.
 
     Parameters
     ----------
     signals : Signals
-        One channel and one sample or more, all finite.
+        Signals with at least one channel and one sample, all finite.
     path : str or Path
-        Where to.
+        Path of the output.
     format : str, optional
-        Value of `Format` or name of a plug-in; by the suffix where left out.
+        Value of `Format` or name of a plug-in; chosen by the suffix if not given.
     overwrite : bool
-        Replace an existing file.
+        Whether to replace an existing file.
     data_type : str, optional
         For RPC III: "SHORT_INTEGER" (the default) or "FLOATING_POINT".
 
     Returns
     -------
     Written
-        What the format could not keep: padding, quantisation error, notes.
+        Path, and losses of the format: padding, quantisation error, notes.
 
     Raises
     ------
     InputError
-        The file already exists, or the format does not hold these signals.
+        The file already exists, or the format cannot store these signals.
     """
     path = Path(path)
     form = format_of(path, format)
@@ -282,7 +282,7 @@ def write_signals(
     require_outputs([path], replace=overwrite)
     writer = _writer(form)
     with replace_when_complete(path) as temporary:
-        # The suffix tells a drive from a response; the name must differ from the temporary one.
+        # The writer needs the suffix (drive or response), and a name different from the temporary one.
         named = temporary.with_name(f"{temporary.name}.written{path.suffix}")
         try:
             written = writer(signals, named, *arguments)

@@ -1,4 +1,4 @@
-"""Libraries of other formats: imported when they are needed, and not trusted with hostile files."""
+"""Libraries of other formats: imported on demand, and protected against hostile files."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from duralab.errors import InputError
 from duralab.formats.errors import FormatError
 
 LARGEST_BYTES: Final = 8 << 30
-"""Most memory that the samples of a file may take as float64: a compressed file of some kB can announce any size."""
+"""Largest size of a file's samples as float64: a compressed file of a few kB can declare any size."""
 
 
 def require_library(module: str, *, extra: str) -> ModuleType:
     """Import a library that comes with an extra of duralab."""
-    # A damaged file makes them log its bytes; who wants to see that gives their logger a handler.
+    # For a damaged file these libraries log its bytes; a user who wants this log adds a handler.
     logger = logging.getLogger(module.partition(".")[0])
     if not logger.handlers:
         logger.addHandler(logging.NullHandler())
@@ -37,7 +37,7 @@ def require_library(module: str, *, extra: str) -> ModuleType:
 
 
 class WatchedFile(io.FileIO):
-    """A file that remembers where it was read last, to say so where a library fails."""
+    """File that stores the position of the last read, for the error if a library fails."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "rb")
@@ -50,7 +50,7 @@ class WatchedFile(io.FileIO):
         return super().readinto(buffer) or 0
 
     def read(self, size: int | None = -1, /) -> bytes:
-        """Read some bytes: never more than are there, for Python takes the memory that is asked for beforehand."""
+        """Read bytes, at most the rest of the file, because Python allocates the requested size beforehand."""
         self.place = self.tell()
         left = max(0, self._size - self.place)
         return super().read(left if size is None or size < 0 else min(size, left)) or b""
@@ -58,7 +58,7 @@ class WatchedFile(io.FileIO):
 
 @contextmanager
 def parsing(path: Path, expected: str) -> Iterator[WatchedFile]:
-    """Give a library a file to read; whatever it raises becomes one sentence with the byte it came to."""
+    """Yield a file for a library to read; convert any error to a sentence with the byte of the last read."""
     try:
         stream = WatchedFile(path)
     except OSError as error:
@@ -66,13 +66,13 @@ def parsing(path: Path, expected: str) -> Iterator[WatchedFile]:
             path, f"it cannot be read ({error.strerror or error}); correct its rights, or give another file."
         ) from error
     with stream, warnings.catch_warnings():
-        # What a library finds remarkable is no business of who reads a file; what it cannot read is said below.
+        # Warnings of the library are of no use to the user; errors are reported below.
         warnings.simplefilter("ignore")
         try:
             yield stream
         except InputError:
             raise
-        # Parsers meet damaged bytes with whatever breaks first: KeyError, struct.error, zlib.error, OverflowError …
+        # Parsers raise various errors for damaged bytes: KeyError, struct.error, zlib.error, OverflowError …
         except Exception as error:
             said = " ".join(str(error).split())[:200]
             reason = f"{type(error).__name__}: {said}" if said else type(error).__name__
@@ -81,7 +81,7 @@ def parsing(path: Path, expected: str) -> Iterator[WatchedFile]:
 
 
 def require_room(path: Path, values: int) -> None:
-    """Refuse a file that announces more numbers than memory is given to."""
+    """Refuse a file that declares more values than `LARGEST_BYTES` allows."""
     if values * 8 > LARGEST_BYTES:
         raise FormatError(
             path,
@@ -91,9 +91,9 @@ def require_room(path: Path, values: int) -> None:
 
 
 def _let_go(error: Exception) -> None:
-    """Free what a library left half made, and keep its destructors' complaints off standard error.
+    """Free incomplete objects of a library, and suppress the errors of their destructors on standard error.
 
-    asammdf's destructor trips over attributes that its constructor had not come to.
+    asammdf's destructor uses attributes that its interrupted constructor has not set.
     """
     usual = sys.unraisablehook
     sys.unraisablehook = lambda _: None

@@ -16,7 +16,7 @@ from duralab.formats.libraries import parsing, require_room
 
 VARIABLES: Final = ("samples", "sample_rate", "names", "units")
 LARGEST_VARIABLE: Final = (1 << 31) - 1
-"""Bytes; level 5 counts them in 32 bits."""
+"""Largest size of a variable in bytes; level 5 stores it in 32 bits."""
 
 _EXPECTED: Final = (
     "a MATLAB file of level 5 (save -v7) with samples (channels × samples), sample_rate in Hz, and names and units as "

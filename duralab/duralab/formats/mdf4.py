@@ -20,7 +20,7 @@ def read_mdf4(path: Path) -> Signals:
     """Read an MDF 4 measurement."""
     asammdf = require_library("asammdf", extra="mdf")
     require_file(path)
-    # From a file that it opens itself, asammdf leaves tracebacks on standard error where the file is damaged.
+    # If asammdf opens a damaged file, it prints tracebacks to standard error; so it gets an open stream.
     with parsing(path, _EXPECTED) as stream, io.BufferedReader(stream) as buffered:
         if buffered.read(8) not in (b"MDF     ", b"UnFinMF "):
             raise FormatError(path, "the file does not begin with 'MDF'; an MDF 4 measurement was expected.", offset=0)
@@ -55,7 +55,7 @@ def read_mdf4(path: Path) -> Signals:
 
 
 def _members(measurement: Any, number: int) -> list[tuple[int, int]]:
-    """Return the places (group, channel) of a virtual group's channels without its time."""
+    """Return the indices (group, channel) of a virtual group's channels, without its time."""
     included = measurement.included_channels(number)[number]
     return [(group, index) for group, indices in included.items() for index in indices]
 

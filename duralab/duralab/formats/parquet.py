@@ -14,7 +14,7 @@ from duralab.formats.libraries import parsing, require_library, require_room
 
 _EXPECTED: Final = "a Parquet table"
 _OWN: Final = b"duralab."
-"""What the attributes begin with in the metadata, which other writers use too."""
+"""Prefix of the attributes in the metadata, which other writers use too."""
 
 
 def read_parquet(path: Path) -> Signals:

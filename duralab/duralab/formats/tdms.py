@@ -45,7 +45,7 @@ def read_tdms(path: Path) -> Signals:
 
 
 def _silence() -> None:
-    """Take away the handler by which npTDMS writes warnings about damaged files to standard error."""
+    """Remove npTDMS's handler that writes warnings about damaged files to standard error."""
     from nptdms.log import log_manager
 
     for logger in log_manager.loggers.values():

@@ -1,8 +1,8 @@
 """Universal files, dataset 58: time histories, and frequency responses.
 
-Read by pyuff, in the text form and the binary one (58b). Written in the binary form, which keeps float64, by a writer
-of our own: pyuff's announces a wrong size and turns what is not finite into numbers. The header has six digits for the
-time step.
+pyuff reads the text form and the binary one (58b). This module writes the binary form, which keeps float64: pyuff's
+writer stores a wrong size and converts values that are not finite to numbers. The header has six digits for the time
+step.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from duralab_drive_files import rate_of_step
 
 @dataclass(frozen=True, eq=False)
 class FrequencyResponse:
-    """`frf` in y(f) = frf(f) u(f), with e^{+jωt}.
+    """Frequency response matrix: `frf` in y(f) = frf(f) u(f), with e^{+jωt}.
 
     Parameters
     ----------
     drives, responses : tuple of Channel
         Inputs and outputs.
     frequency : np.ndarray, shape (lines)
-        In hertz, evenly spaced.
+        Frequency lines in hertz, evenly spaced.
     frf : np.ndarray, shape (lines, responses, drives)
         Complex, response unit per drive unit.
     """
@@ -50,7 +50,7 @@ _DOUBLE, _COMPLEX_DOUBLE = 4, 6
 _LITTLE_ENDIAN, _IEEE, _HEADER_LINES = 1, 2, 11
 _NAME_ROOM, _UNIT_ROOM = 80, 20
 _STEP_DIGITS: Final = 5.1e-6
-"""The header's time step has six digits (E13.5): half of the last, relative to the smallest mantissa."""
+"""Relative resolution of the header's time step (E13.5): half of the sixth digit, at the smallest mantissa."""
 
 _EXPECTED: Final = "a universal file with datasets 58"
 _PAIR: Final = re.compile(r"(.+) per (.+)")
@@ -86,7 +86,7 @@ def write_frequency_response(response: FrequencyResponse, path: Path) -> None:
     Parameters
     ----------
     response : FrequencyResponse
-        Finite, at even frequencies.
+        Finite frequency responses at evenly spaced frequencies.
     path : Path
         Path of the output; an existing file is replaced.
 
@@ -130,7 +130,8 @@ def read_frequency_response(path: str | Path) -> FrequencyResponse:
     Parameters
     ----------
     path : str or Path
-        With one dataset 58 of function type 4 for each response and drive, named "<response> per <drive>" in ID line 1.
+        File with a dataset 58 of function type 4 for each response and drive, named "<response> per <drive>" in ID
+        line 1.
 
     Returns
     -------
@@ -140,7 +141,7 @@ def read_frequency_response(path: str | Path) -> FrequencyResponse:
     Raises
     ------
     FormatError
-        The file holds no FRF, the FRFs differ in their frequencies, or one of the matrix is missing.
+        The file has no FRF, the FRFs have different frequencies, or an FRF of the matrix is missing.
     """
     path = Path(path)
     columns: dict[tuple[str, str], np.ndarray] = {}

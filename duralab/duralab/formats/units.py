@@ -20,7 +20,7 @@ SI_UNITS: Final = (
     *("m", "m/s", "m/s^2", "N", "N*m", "Pa", "rad", "rad/s", "rad/s^2"),
     *("s", "Hz", "kg", "V", "A", "K", "1"),
 )
-"""What a lab's contract speaks; channels of other dimensions are refused."""
+"""Units of a lab's contract; channels of other dimensions are refused."""
 
 
 @as_input_error()
@@ -30,20 +30,20 @@ def convert_units(signals: Signals, units: Mapping[str, str] | Iterable[str] = S
     Parameters
     ----------
     signals : Signals
-        In any units that pint knows; "g" is the standard gravity, 9.80665 m/s², not the gram.
+        Signals in any units of pint; "g" is the standard gravity, 9.80665 m/s², not the gram.
     units : mapping of str to str, or iterable of str
-        The unit wanted by the channel's name, others stay as they are; or units, of which each channel takes the one of
-        its dimension: ("N", "mm") or, as by default, SI.
+        Wanted unit by channel name, other channels are unchanged; or units, of which each channel gets the one of its
+        dimension: ("N", "mm") or, by default, SI.
 
     Returns
     -------
     Signals
-        In those units, and with their names.
+        Signals in those units.
 
     Raises
     ------
     InputError
-        A unit is not known, has another dimension, or none or several of those given have a channel's dimension; a
+        A unit is unknown or has another dimension, none or several of the given units have a channel's dimension, or a
         channel does not exist.
     """
     wanted = dict(units) if isinstance(units, Mapping) else _by_dimension(signals, tuple(units))
@@ -58,7 +58,7 @@ def convert_units(signals: Signals, units: Mapping[str, str] | Iterable[str] = S
         unit = wanted.get(channel.name, channel.unit)
         if unit != channel.unit:
             factor, offset = unit_conversion(channel.unit, unit, channel.name)
-            # What becomes too large for a number is refused by whoever writes or edits it.
+            # An overflow to infinity is refused later, when the signals are written or edited.
             with np.errstate(over="ignore"):
                 samples[row] = samples[row] * factor + offset
             channels[row] = replace(
@@ -76,19 +76,19 @@ def add_calculated(signals: Signals, calculated: Iterable[CalculatedChannel]) ->
     Parameters
     ----------
     signals : Signals
-        In any units that pint knows.
+        Signals in any units of pint.
     calculated : iterable of CalculatedChannel
-        What to add, from `duralab_gateway`; each from the channels of `signals`, not from one another.
+        Channels to add, from `duralab_gateway`; each is calculated from channels of `signals` only.
 
     Returns
     -------
     Signals
-        The channels given, then the calculated ones in the SI unit of their kind.
+        Given channels, then the calculated ones in the SI unit of their kind.
 
     Raises
     ------
     InputError
-        A channel does not exist, the name of a calculated one exists already, or a unit does not convert.
+        A channel does not exist, the name of a calculated one already exists, or a unit cannot be converted.
     """
     from duralab_gateway import weighted_sum
     from duralab_settings import SettingsError
@@ -114,12 +114,12 @@ def named_units(units: Sequence[str]) -> tuple[dict[str, str], list[str]]:
     Parameters
     ----------
     units : sequence of str
-        Each "<channel>=<unit>" or "<unit>", as the option `--unit` takes them.
+        Units in the form of the option `--unit`: "<channel>=<unit>" or "<unit>".
 
     Returns
     -------
     dict of str to str, list of str
-        The unit by the channel's name; the others, in their order.
+        Units by channel name; the other units, in their order.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A lab: starting and joining it, its rigs, campaigns, catalogue, state and events."""
+"""Lab: start or join it, and use its rigs, campaigns, catalogue, state and events."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The lab for `async` code: what `Lab` does, in its own threads; cancelling a task stops what it asked for."""
+"""Lab for `async` code: runs the calls of `Lab` in threads; cancelling a task stops the run that it started."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ T = TypeVar("T")
 B = TypeVar("B")
 
 _MOST_AT_ONCE: Final = 64
-"""Calls that wait for the lab at the same time; more wait for one of them."""
+"""Maximum number of simultaneous calls; further calls wait for a free thread."""
 
 
 class _Threaded(Generic[B]):
-    """An object with calls that block, and the threads in which they do."""
+    """Object with blocking calls, and the threads that run them."""
 
     def __init__(self, blocking: B, threads: ThreadPoolExecutor) -> None:
         self._blocking = blocking
@@ -45,7 +45,7 @@ class _Threaded(Generic[B]):
 def _awaited(
     method: Callable[Concatenate[B, P], T],
 ) -> Callable[Concatenate[_Threaded[B], P], Coroutine[Any, Any, T]]:
-    """Return a method that blocks as one that is awaited, in a thread."""
+    """Return a blocking method as an `async` method that runs in a thread."""
 
     @wraps(method)
     async def call(self: _Threaded[B], *args: P.args, **kwargs: P.kwargs) -> T:
@@ -57,7 +57,7 @@ def _awaited(
 def _stoppable(
     method: Callable[Concatenate[B, P], T],
 ) -> Callable[Concatenate[_Threaded[B], P], Coroutine[Any, Any, T]]:
-    """Return a method that takes `cancel` as one that is awaited, and stopped where its task is cancelled."""
+    """Return a blocking method with `cancel` as an `async` method that stops when its task is cancelled."""
 
     @wraps(method)
     async def call(self: _Threaded[B], *args: P.args, **kwargs: P.kwargs) -> T:
@@ -75,7 +75,7 @@ def _stoppable(
             return await asyncio.shield(done)
         except asyncio.CancelledError as cancelled:
             cancel.set()
-            # What was asked for is stopped when this returns: nothing moves behind the back of who cancelled it.
+            # Wait for the stop, so that nothing moves after the cancelled call has returned.
             try:
                 await asyncio.shield(done)
             except (LabError, BusError) as error:
@@ -86,10 +86,10 @@ def _stoppable(
 
 
 class AsyncLab(_Threaded[Lab]):
-    """A lab on the bus for `async` code; made by `async_start` and `async_connect`.
+    """Lab on the bus for `async` code; made by `async_start` and `async_connect`.
 
-    Every method is that of `Lab`, awaited and without `cancel`: cancelling the task that awaits a playback, an
-    identification, a campaign or a project stops it. The rig ramps down and is latched, and only then the cancellation
+    The methods are those of `Lab`, as `async` methods without `cancel`. Cancelling the task that awaits a playback, an
+    identification, a campaign or a project stops it. The rig ramps down and is latched before the cancellation
     continues.
     `on_progress` and `on_event` are called in the event loop.
     """
@@ -101,7 +101,7 @@ class AsyncLab(_Threaded[Lab]):
 
     @property
     def endpoints(self) -> tuple[str, ...]:
-        """Endpoints at which others can connect to this lab."""
+        """Endpoints at which other processes can connect to this lab."""
         return self.lab.endpoints
 
     @property
@@ -111,15 +111,15 @@ class AsyncLab(_Threaded[Lab]):
 
     @property
     def identifier(self) -> Identifier:
-        """`Lab.identifier`; its calls are not `async`, but `identify` here is."""
+        """`Lab.identifier`; its calls are not `async`, but `AsyncLab.identify` is."""
         return self.lab.identifier
 
     rigs = _awaited(Lab.rigs)
     """Return all rigs present; see `Lab.rigs`."""
     describe = _awaited(Lab.describe)
-    """Return what a rig is; see `Lab.describe`."""
+    """Return the description of a rig; see `Lab.describe`."""
     state = _awaited(Lab.state)
-    """Return what a rig does now; see `Lab.state`."""
+    """Return the present state of a rig; see `Lab.state`."""
     reset = _awaited(Lab.reset)
     """Clear the latch of a rig; see `Lab.reset`."""
     stop_rig = _awaited(Lab.stop_rig)
@@ -129,31 +129,31 @@ class AsyncLab(_Threaded[Lab]):
     identify = _stoppable(Lab.identify)
     """Run an experiment on a rig and return the model; see `Lab.identify`."""
     pre_test = _stoppable(Lab.pre_test)
-    """Look at a rig before a campaign; see `Lab.pre_test`."""
+    """Check a rig before a campaign; see `Lab.pre_test`."""
     run = _stoppable(Lab.run)
     """Run a campaign to its end; see `Lab.run`."""
     begin = _stoppable(Lab.begin)
-    """Begin a campaign and return; see `Lab.begin`. Cancelled, it ends before the campaign begins."""
+    """Begin a campaign and return; see `Lab.begin`. If the task is cancelled first, the campaign does not begin."""
     run_project = _stoppable(Lab.run_project)
     """Run the events of a project; see `Lab.run_project`."""
     resume = _stoppable(Lab.resume)
     """Continue a campaign; see `Lab.resume`."""
     proposal = _awaited(Lab.proposal)
-    """Return what a campaign waits with at a hold point; see `Lab.proposal`."""
+    """Return the proposal of a campaign that waits at a hold point; see `Lab.proposal`."""
     decide = _awaited(Lab.decide)
-    """Decide on it; see `Lab.decide`."""
+    """Decide on a proposal; see `Lab.decide`."""
     stop = _awaited(Lab.stop)
     """Stop a campaign; see `Lab.stop`."""
 
     async def endure(
         self, schedule: Schedule | str | Path, *, id: str | None = None, seed: int = 0, real_time: bool = False
     ) -> AsyncEnduranceTest:
-        """Start an endurance test and return, see `Lab.endure`; it continues where the task is cancelled."""
+        """Start an endurance test and return, see `Lab.endure`; the test continues if the task is cancelled."""
         started = partial(self.lab.endure, schedule, id=id, seed=seed, real_time=real_time)
         return AsyncEnduranceTest(await self._in_thread(started), self._threads)
 
     def endurance(self, id: str) -> AsyncEnduranceTest:
-        """Return an endurance test of this lab, see `Lab.endurance`; not awaited, because nothing is asked yet."""
+        """Return an endurance test of this lab, see `Lab.endurance`; not `async`, because it sends no request."""
         return AsyncEnduranceTest(self.lab.endurance(id), self._threads)
 
     async def watch(
@@ -173,10 +173,10 @@ class AsyncLab(_Threaded[Lab]):
 
 
 class AsyncEnduranceTest(_Threaded[EnduranceTest]):
-    """One endurance test of a lab for `async` code; made by `AsyncLab.endure` and `AsyncLab.endurance`.
+    """Endurance test of a lab for `async` code; made by `AsyncLab.endure` and `AsyncLab.endurance`.
 
-    Every method is that of `EnduranceTest`, awaited. Cancelling the task that awaits `wait` ends the wait; the test
-    continues.
+    The methods are those of `EnduranceTest`, as `async` methods. Cancelling the task that awaits `wait` ends the wait;
+    the test continues.
     """
 
     def __init__(self, test: EnduranceTest, threads: ThreadPoolExecutor) -> None:
@@ -186,7 +186,7 @@ class AsyncEnduranceTest(_Threaded[EnduranceTest]):
 
     @property
     def id(self) -> str:
-        """Its name."""
+        """Name of the test."""
         return self.test.id
 
     def history(self) -> EnduranceHistory:
@@ -194,21 +194,21 @@ class AsyncEnduranceTest(_Threaded[EnduranceTest]):
         return self.test.history()
 
     progress = _awaited(EnduranceTest.progress)
-    """Return how far it is; see `EnduranceTest.progress`."""
+    """Return the progress of the test; see `EnduranceTest.progress`."""
     wait = _stoppable(EnduranceTest.wait)
-    """Wait for its end; see `EnduranceTest.wait`."""
+    """Wait for the end of the test; see `EnduranceTest.wait`."""
     hold = _awaited(EnduranceTest.hold)
-    """Hold it after the current repeat; see `EnduranceTest.hold`."""
+    """Hold the test after the current repeat; see `EnduranceTest.hold`."""
     resume = _awaited(EnduranceTest.resume)
     """Continue after a hold; see `EnduranceTest.resume`."""
     decide = _awaited(EnduranceTest.decide)
     """Decide on a hold; see `EnduranceTest.decide`."""
     stop = _awaited(EnduranceTest.stop)
-    """End it, and stop and latch its rig; see `EnduranceTest.stop`."""
+    """End the test, and stop and latch its rig; see `EnduranceTest.stop`."""
 
 
 class AsyncWatch(AsyncIterator[LabEvent]):
-    """Live events of a lab; made by `AsyncLab.watch`, see `Watch`. A task that is cancelled closes it."""
+    """Live events of a lab; made by `AsyncLab.watch`, see `Watch`. Cancelling the waiting task closes the watch."""
 
     def __init__(self, watch: Watch, threads: ThreadPoolExecutor) -> None:
         self._watch = watch
@@ -224,7 +224,7 @@ class AsyncWatch(AsyncIterator[LabEvent]):
         try:
             event = await asyncio.get_running_loop().run_in_executor(self._threads, lambda: next(self._watch, None))
         except asyncio.CancelledError:
-            # The thread that waits is released; closing takes a moment, which is not the event loop's.
+            # Closing releases the waiting thread. It takes some time, so it runs in a thread, not in the event loop.
             self._threads.submit(self._watch.close)
             raise
         if event is None:
@@ -232,22 +232,22 @@ class AsyncWatch(AsyncIterator[LabEvent]):
         return event
 
     async def close(self) -> None:
-        """Listen no more."""
+        """Stop listening."""
         await asyncio.get_running_loop().run_in_executor(self._threads, self._watch.close)
 
     async def __aenter__(self) -> Self:
-        """Listen already."""
+        """Return the watch, which already listens."""
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        """Listen no more."""
+        """Stop listening."""
         await self.close()
 
 
 def asynchronous(
     opening: Callable[P, AbstractContextManager[Lab]],
 ) -> Callable[P, AbstractAsyncContextManager[AsyncLab]]:
-    """Return what opens a lab as one for `async with`, which takes the same arguments."""
+    """Return a function that opens a lab as one for `async with`, with the same arguments."""
 
     @wraps(opening)
     @asynccontextmanager
@@ -258,7 +258,7 @@ def asynchronous(
             try:
                 entered = await asyncio.shield(entering)
             except asyncio.CancelledError:
-                # It is half open: what was started must not outlive the task.
+                # The lab is being opened: the processes it started must not outlive the task.
                 with suppress(LabError):
                     await asyncio.shield(entering)
                     await loop.run_in_executor(threads, lab.__exit__, None, None, None)
@@ -275,4 +275,4 @@ async_start = asynchronous(start)
 """Start a private lab on this machine, `async with async_start() as lab`; see `start`."""
 
 async_connect = asynchronous(connect)
-"""Join a lab that runs already, `async with async_connect() as lab`; see `connect`."""
+"""Join a running lab, `async with async_connect() as lab`; see `connect`."""

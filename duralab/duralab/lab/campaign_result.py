@@ -16,16 +16,16 @@ from duralab_proto.v1 import iterator_pb2
 
 @dataclass(frozen=True, eq=False)
 class CampaignResult:
-    """A finished campaign; `print` shows its table.
+    """Result of a finished campaign; `print` shows its table.
 
     Parameters
     ----------
     specification : CampaignSpec
-        What was asked for.
+        Specification that was sent to the iterator.
     status : CampaignStatus
-        How it ended.
+        Last status of the campaign.
     recording_path, live_path : Path
-        Where the recording and what the viewer showed are.
+        Paths of the recording and of the viewer's file.
     """
 
     specification: iterator_pb2.CampaignSpec
@@ -35,21 +35,21 @@ class CampaignResult:
 
     @cached_property
     def iterations(self) -> IterationTable:
-        """The figures of every playback."""
+        """Numbers of every playback."""
         return IterationTable.from_status(self.status)
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Whether the target was reached."""
+        """Judgement whether the target was reached."""
         return judge(self.iterations, specification=self.specification, status=self.status)
 
     @cached_property
     def recording(self) -> Recording:
-        """The recording, read from its file."""
+        """Recording, read from its file."""
         return open_recording(self.recording_path)
 
     def report(self, path: str | Path | None = None) -> Path:
-        """Write the report, beside the recording where no path is given, and return where it is.
+        """Write the report, beside the recording if no path is given, and return its path.
 
         Parameters
         ----------
@@ -59,14 +59,14 @@ class CampaignResult:
         Returns
         -------
         Path
-            The report.
+            Path of the report.
         """
         from duralab.report import write_report
 
         return write_report(self.recording, path or self.recording_path.with_name("report.html"))
 
     def __repr__(self) -> str:
-        """Return it on one line, without arrays."""
+        """Return the result as one line, without arrays."""
         return f"CampaignResult({self.status.id}: {self.verdict.judgement})"
 
     def __str__(self) -> str:

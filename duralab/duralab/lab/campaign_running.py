@@ -1,4 +1,4 @@
-"""A campaign as the SDK drives it: a free name, followed to its end, stopped, collected, resumed."""
+"""Campaign control of the SDK: choose a free name, follow to the end, stop, collect, resume."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _STOP_SILENCE_SECONDS: Final = 2.0
 
 
 def free_id(ask: LabClient, name: str, *, first: int = 1) -> str:
-    """Return the campaign's name, with a number where the lab's recorder holds one of that name already."""
+    """Return the campaign's name, with a number if the lab's recorder already has a recording of that name."""
     taken = {
         information.recording
         for information in ask.query(
@@ -50,7 +50,7 @@ def followed(
     recovery: Recovery,
     deadline: Deadline = FOREVER,
 ) -> iterator_pb2.CampaignStatus:
-    """Begin a campaign and follow it to its end; whatever else ends that, stops it and tells where its recording is."""
+    """Begin a campaign and follow it to its end; after any error, stop it and report where its recording is."""
     begun, played = False, False
     bus, events = ask.bus, queue.SimpleQueue[iterator_pb2.CampaignStatus]()
 
@@ -58,7 +58,7 @@ def followed(
         events.put(item.message.status)
 
     def stopped(reason: str, *, silence_seconds: float = SILENCE_SECONDS) -> None:
-        # Best effort: the services that are left are ended with the lab.
+        # Best effort: the remaining services end with the lab.
         with suppress(FaultError, BusError):
             stop_campaign(ask, id, reason=reason, silence_seconds=silence_seconds)
 
@@ -83,7 +83,7 @@ def followed(
                         status = bus.query(key, request, iterator_pb2.CampaignStatus)
         except FaultError as fault:
             error = ask.explained(fault)
-            # What was refused has left nothing behind.
+            # A refused campaign has no recording.
             raise (recovery.annotate(error, played=played) if begun else error) from fault
         except LabError as error:
             ended_itself = isinstance(error, ServiceEndedError)
@@ -91,7 +91,7 @@ def followed(
             raise recovery.annotate(error, played=played) from error
     except KeyboardInterrupt as interrupt:
         try:
-            # Whoever interrupts does not want to wait for a service that is gone.
+            # A user who interrupts does not want to wait for a service that has ended.
             stopped("interrupted by the user", silence_seconds=_STOP_SILENCE_SECONDS)
             recovery.annotate(interrupt, played=played)
         except KeyboardInterrupt as again:
@@ -103,7 +103,7 @@ def followed(
 def stop_campaign(
     ask: LabClient, id: str, *, reason: str, silence_seconds: float = SILENCE_SECONDS
 ) -> iterator_pb2.CampaignStatus:
-    """Stop a campaign; raises FaultError where the iterator does not know it."""
+    """Stop a campaign; raises FaultError if the iterator has no such campaign."""
     key = ask.key("id", ask.bus.keys.campaign_stop, id)
     require_one(key)
     return ask.bus.query(
@@ -122,7 +122,7 @@ def collect(
     folder: Path,
     recovery: Recovery,
 ) -> CampaignResult:
-    """Fetch what a campaign left; raises CampaignFaultError where it ended early, after fetching what there is."""
+    """Fetch the result of a campaign; if it ended early, fetch its recording and raise CampaignFaultError."""
     if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
         error = ask.failure() or CampaignFaultError(
             ended(status.fault.message or f"The campaign {status.id!r} ended early: {status.activity}"),
@@ -152,18 +152,18 @@ _REFUSED: Final = frozenset(
         query_pb2.FAULT_CODE_BUSY,
     }
 )
-"""After these nothing was begun."""
+"""Fault codes after which no campaign was begun."""
 
 
 def recording_file(given: str | Path) -> Path | None:
-    """Return the path of a recording where one is given; None for the id of a campaign, which has no dot or slash."""
+    """Return the path of a recording if a path is given; None for the id of a campaign, which has no dot or slash."""
     if isinstance(given, os.PathLike) or (isinstance(given, str) and (os.sep in given or given.endswith(".mcap"))):
         return Path(given)
     return None
 
 
 def expected_id(recording: Recording, *, is_changed: bool) -> str:
-    """Return the name of the campaign that continues a recording in a lab that holds no other."""
+    """Return the name of the campaign that continues a recording, in a lab without other recordings."""
     id = recording.specification.id
     if recording.closed is None and not is_changed:
         return id
@@ -172,7 +172,7 @@ def expected_id(recording: Recording, *, is_changed: bool) -> str:
 
 
 def specification_of(ask: LabClient, id: str) -> iterator_pb2.CampaignSpec:
-    """Return what a campaign was asked to do, from the first step of its recording."""
+    """Return the specification of a campaign, from the first step of its recording."""
     key = ask.key("id", ask.bus.keys.recording_steps, id)
     answer = ask.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
     first = answer.steps[0] if answer.steps else recorder_pb2.RecordedStep()
@@ -193,7 +193,7 @@ def _put_settings(request: iterator_pb2.ResumeCampaignRequest, settings: Campaig
 
 
 def _whole_settings(settings: PartialSettings, parent: iterator_pb2.CampaignSpec, *, rig: Rig) -> Campaign:
-    """Return partial settings with the values of the recorded campaign; these must be those of its campaign file."""
+    """Complete partial settings with the recorded campaign's values; these must agree with its campaign file."""
     recorded = completed(PartialSettings(settings.name, {}), parent)
     same = update_message(recorded.update, rig=rig) == parent.update and stop_message(recorded.stop) == parent.stop
     if not same:
@@ -206,7 +206,7 @@ def _whole_settings(settings: PartialSettings, parent: iterator_pb2.CampaignSpec
 
 
 def _stem_and_number(id: str) -> tuple[str, int]:
-    """Return a campaign's name without the number that the lab gave it, and that number: demo and 3 of demo-3."""
+    """Split a campaign's name into its stem and the number that the lab added: "demo-3" into "demo" and 3."""
     match = re.fullmatch(r"(?P<stem>.+)-(?P<number>\d+)", id)
     return (match["stem"], int(match["number"])) if match is not None else (id, 1)
 
@@ -224,7 +224,7 @@ def resume_campaign(
     on_progress: OnProgress,
     deadline: Deadline,
 ) -> CampaignResult:
-    """Resume a campaign and collect what it leaves in its `folder`; see `Lab.resume`."""
+    """Resume a campaign and collect its result in its `folder`; see `Lab.resume`."""
     parent = _parent(ask, id, from_iteration=from_iteration)
     request = iterator_pb2.ResumeCampaignRequest(from_iteration=from_iteration)
     if settings is not None:
@@ -232,7 +232,7 @@ def resume_campaign(
         plan = _whole_settings(settings, parent, rig=rig) if isinstance(settings, PartialSettings) else settings
         _put_settings(request, plan, rig=rig)
         if isinstance(settings, PartialSettings) and parent.HasField("accept"):
-            # What was recorded, not what the text of its campaign file gives today.
+            # Use the recorded limits: the campaign file's text may give others today.
             request.accept.CopyFrom(parent.accept)
 
     def begin() -> iterator_pb2.CampaignStatus:
@@ -257,7 +257,7 @@ def resume_campaign(
         try:
             status = resumed(name)
         except LabError as error:
-            # A recording that is closed for good can be resumed by a new campaign only.
+            # A recording that is closed for good can only be resumed as a new campaign.
             if error.field != "new_id":
                 raise
     if status is None:
@@ -294,7 +294,7 @@ def _parent(ask: LabClient, id: str, *, from_iteration: int) -> iterator_pb2.Cam
             playbacks += step.message_type == iterator_pb2.IterationStep.DESCRIPTOR.full_name
         first, total = first + len(answer.steps), answer.total if answer.steps else 0
     kept = from_iteration or playbacks
-    # As the iterator does: what was changed for the next playback counts where the campaign continues there.
+    # Same rule as in the iterator: a change for the next playback applies if the campaign continues there.
     in_force = decisions_in_force(decisions, proposals)
     changed = (each for each in in_force if each.playback <= kept + (kept == playbacks))
     return revised_specification(specification, *changed)
@@ -316,7 +316,7 @@ def _as_resumed(
 
 
 def _no_playback_left(error: LabError, id: str) -> InputError:
-    """Say the same in a campaign file's words."""
+    """Return the error with the campaign file's names of the settings."""
     return InputError(
         f"Campaign {id} has made as many playbacks as its `stop.iterations` allows; give a campaign file as settings "
         "that allows more, or an earlier playback to build on.",

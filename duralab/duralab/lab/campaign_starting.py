@@ -1,4 +1,4 @@
-"""A campaign from its plan to its result: its target is made, it is sent to the iterator, followed and fetched."""
+"""Campaign from its plan to its result: make the target, send the specification, follow and fetch."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class StartingLab:
 
 @dataclass(frozen=True)
 class MadeTarget:
-    """The target of a campaign, and what was played on the vehicle for it; nothing for a target from a file."""
+    """Target of a campaign, and the drive played on the vehicle for it (None for a target from a file)."""
 
     edited: EditedTarget
     driven: Signals | None
@@ -43,9 +43,9 @@ class MadeTarget:
 def run_campaign(
     lab: StartingLab, plan: Campaign, *, folder: Callable[[str], Path], on_progress: OnProgress, deadline: Deadline
 ) -> CampaignResult:
-    """Run a campaign to its end, on a section of its target first where it asks for that; see `Lab.run`.
+    """Run a campaign to its end, first on a section of its target if the plan has one; see `Lab.run`.
 
-    `folder`: Returns the folder for the results of a campaign of some id.
+    `folder`: Returns the results folder of a campaign id.
     """
     id = free_id(lab.ask, plan.name)
     out = folder(id)
@@ -69,7 +69,7 @@ def run_one(
     target: MadeTarget | None = None,
     after: CampaignResult | None = None,
 ) -> CampaignResult:
-    """Run one campaign to its end under an id that is free; `target` and `after` as for `specified`."""
+    """Run one campaign to its end under a free id; `target` and `after` as for `specified`."""
     specification = specified(lab, plan, id=id, on_progress=on_progress, deadline=deadline, target=target, after=after)
 
     def begin() -> iterator_pb2.CampaignStatus:
@@ -99,7 +99,7 @@ def begin_campaign(lab: StartingLab, plan: Campaign, *, on_progress: OnProgress,
 
 
 def begun(lab: StartingLab, specification: iterator_pb2.CampaignSpec) -> iterator_pb2.CampaignStatus:
-    """Hand a specification to the iterator."""
+    """Send a specification to the iterator."""
     key = lab.ask.bus.keys.campaign_start(specification.rig)
     return lab.ask.bus.query(key, specification, iterator_pb2.CampaignStatus)
 
@@ -114,9 +114,9 @@ def specified(
     target: MadeTarget | None = None,
     after: CampaignResult | None = None,
 ) -> iterator_pb2.CampaignSpec:
-    """Return what is asked of the iterator, with the target made.
+    """Return the specification for the iterator, with the target made.
 
-    `target`: Made before; made now where not given. `after`: Campaign on the section that was iterated first.
+    `target`: Target made before; made now if not given. `after`: Result of the campaign on the section.
     """
     on_progress(RunProgress(Stage.TARGET, "asking the rigs", 0.0, -1.0))
     rig = lab.describe(plan.rig)
@@ -130,7 +130,7 @@ def specified(
     )
     specification.target_steps.extend(record.to_message() for record in made.edited.records)
     if made.driven is not None:
-        # With these the target can be made again, sample by sample.
+        # With these values the target can be reproduced, sample by sample.
         specification.target_drive.CopyFrom(made.driven.to_message())
         specification.target_rig, specification.target_seed = plan.target.vehicle or "", plan.seed
     if plan.start_from is not None:
@@ -146,7 +146,7 @@ def specified(
 def made_target(
     lab: StartingLab, plan: Campaign, *, rig: Rig, id: str, on_progress: OnProgress, deadline: Deadline
 ) -> MadeTarget:
-    """Make the target of a campaign; a road is driven on the vehicle's rig in a run named after `id`."""
+    """Make the target of a campaign; a road is played on the vehicle's rig in a run named after `id`."""
     vehicle = lab.describe(plan.target.vehicle) if plan.target.vehicle is not None else None
     driven: list[Signals] = []
 

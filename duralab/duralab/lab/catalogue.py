@@ -1,4 +1,4 @@
-"""The recordings of a lab: which there are, whether they are whole, and parts of their signals."""
+"""Catalogue of a lab's recordings: search, verify, fetch, and read parts of their signals."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _NO_RECORDING: Final = "There is no such recording."
 _BEGINNING: Final = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND: Final = timedelta(microseconds=1)
 _NANOSECONDS: Final = 1000
-"""Of a microsecond, the finest that a datetime tells."""
+"""Nanoseconds in a microsecond, the resolution of a datetime."""
 _FIRST_YEAR, _LAST_YEAR = 1970, 2553
-"""Nanoseconds since the first fit 64 bits up to the last."""
+"""Years between which the nanoseconds since the first fit 64 bits."""
 
 _OUTCOMES: Final = {
     iterator_pb2.OUTCOME_REACHED: Result.REACHED,
@@ -54,28 +54,28 @@ _PHASES: Final = {
 
 @dataclass(frozen=True)
 class CatalogueEntry:
-    """One recording of a lab.
+    """Description of one recording of a lab.
 
     Parameters
     ----------
     id : str
-        Its name, which is the campaign's.
+        Name of the recording, which is the campaign's id.
     rig, target : str
-        What it was about; empty where it is no campaign's.
+        Rig and target of the campaign; empty if the recording is not of a campaign.
     begun : datetime or None
-        When its first step was stored, UTC, rounded down to a microsecond; None where it holds none.
+        Time at which the first step was stored, UTC, rounded down to a microsecond; None without steps.
     result : Result
-        How it ended.
+        Result of the run.
     closed : bool
-        Whether nothing is written to it any more; `result` shows whether it was brought to its end.
+        Whether the recording is closed for writing; `result` shows whether the run reached its end.
     steps, signal_blocks, missing_blocks : int
-        What it holds, and what is known to be missing.
+        Numbers of steps, of signal blocks, and of blocks known to be missing.
     files : tuple of str
-        Names in the recorder's folder.
+        Names of the files in the recorder's folder.
     bytes : int
-        Of all files.
+        Size of all files.
     waiting : str
-        Why it cannot be written now; empty where it can.
+        Reason why the recording cannot be written now; empty if it can.
     """
 
     id: str
@@ -93,12 +93,12 @@ class CatalogueEntry:
 
 
 class CatalogueEntries(tuple[CatalogueEntry, ...]):
-    """Recordings that were found, the oldest first; prints as a table."""
+    """Found recordings, the oldest first; prints as a table."""
 
     __slots__ = ()
 
     def __str__(self) -> str:
-        """Return it as a table."""
+        """Return the entries as a table."""
         return text_table(_CATALOGUE, self._rows(), left=5) if self else _NO_RECORDING
 
     def _repr_html_(self) -> str:
@@ -129,7 +129,7 @@ def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
     )
     return CatalogueEntry(
         id=information.recording,
-        # A moment no later than it was: a search from it on finds it, and one for what was before it does not.
+        # Rounded down: a search from this time on finds the recording, and a search before it does not.
         begun=_BEGINNING + information.begun // _NANOSECONDS * _MICROSECOND if information.begun else None,
         result=result,
         files=tuple(file.file for file in information.files),
@@ -138,7 +138,7 @@ def _entry(information: recorder_pb2.RecordingInfo) -> CatalogueEntry:
 
 
 def _moment(given: object, *, field: str) -> datetime | None:
-    """Return a date or the text of a moment as one; a day alone begins at midnight."""
+    """Convert a date or an ISO 8601 text to a datetime; a date without a time is its midnight."""
     moment = given
     if isinstance(given, str):
         try:
@@ -159,9 +159,9 @@ def _nanoseconds(given: object, *, field: str) -> int:
     moment = _moment(given, field=field)
     if moment is None:
         return 0
-    # The year is looked at first: a moment at either end of the calendar is none in UTC everywhere.
+    # The year is checked first: near the first and last date of the calendar, conversion to UTC fails.
     in_range = _FIRST_YEAR <= moment.year <= _LAST_YEAR
-    # In integers: a float of so many seconds is up to half a microsecond off.
+    # In integers: as a float, the seconds would be off by up to half a microsecond.
     nanoseconds = (moment.astimezone(UTC) - _BEGINNING) // _MICROSECOND * _NANOSECONDS if in_range else 0
     if nanoseconds <= 0:
         raise InputError(
@@ -188,7 +188,7 @@ def _number(given: object, *, field: str) -> float:
 
 
 def _channel_names(given: object) -> list[str]:
-    # A text is a sequence of texts too: its letters.
+    # A string is a sequence of strings too: its letters.
     if isinstance(given, Iterable) and not isinstance(given, str):
         names = list(given)
         if all(isinstance(name, str) for name in names):
@@ -213,24 +213,24 @@ class Catalogue:
         begun_before: datetime | date | str | None = None,
         result: Result | str | None = None,
     ) -> CatalogueEntries:
-        """Return the recordings that fit, the oldest first.
+        """Return the recordings that match, the oldest first.
 
         Parameters
         ----------
         rig : str
-            On this rig only.
+            Rig of the recordings; any if empty.
         target : str
-            Where the target's source holds these characters, regardless of their case.
+            Part of the target's source, in any case; any if empty.
         begun_from, begun_before : datetime, date or str, optional
-            Begun then or later; before then. From 1970 to 2553; one without a time zone is local, a day without a time
-            is its midnight, a text is as ISO 8601 writes it, e.g. 2026-05-04.
+            Earliest begin, and the time before which the recordings began, from 1970 to 2553. Without a time zone it is
+            local time; a date without a time is its midnight; a text is in ISO 8601, e.g. 2026-05-04.
         result : Result or str, optional
-            Ended so only; as text its words, e.g. "iterations used".
+            Result of the recordings, or its text, e.g. "iterations used"; any if None.
 
         Returns
         -------
         CatalogueEntries
-            A sequence; printed, it is a table.
+            Sequence of the recordings; prints as a table.
 
         Raises
         ------
@@ -252,7 +252,7 @@ class Catalogue:
         return CatalogueEntries(sorted(wanted, key=lambda entry: (entry.begun is None, entry.begun, entry.id)))
 
     def verify(self, id: str) -> list[str]:
-        """Have a recording read from end to end; return what is wrong with it, a sentence each.
+        """Check a whole recording; return a sentence for each defect.
 
         Parameters
         ----------
@@ -262,14 +262,14 @@ class Catalogue:
         Returns
         -------
         list of str
-            Empty where nothing is wrong.
+            Empty if the recording has no defect.
 
         Raises
         ------
         InputError
             There is no such recording.
         LabError
-            It is still written.
+            The recording is still written.
         """
         key = self._ask.key("id", self._ask.bus.keys.recording_verify, id)
         answer = self._ask.query(key, recorder_pb2.VerifyRecordingRequest(), recorder_pb2.VerifyResult)
@@ -286,35 +286,35 @@ class Catalogue:
         Returns
         -------
         Signals
-            As the iterator took it: all responses of the rig.
+            Target as the iterator received it: all responses of the rig.
 
         Raises
         ------
         LabError
-            There is no such recording, or it is not a campaign's.
+            There is no such recording, or it is not of a campaign.
         """
         specification = specification_of(self._ask, id)
         return Signals.from_message(specification.target, field="target")
 
     def fetch(self, id: str, folder: Path) -> Path:
-        """Bring the files of a recording into a folder.
+        """Copy the files of a recording to a folder.
 
         Parameters
         ----------
         id : str
             The recording; it is not written any more.
         folder : Path
-            Created if missing.
+            Output folder; created if missing.
 
         Returns
         -------
         Path
-            Of `recording.mcap`; its parts and `live.rrd` lie beside it.
+            Path of `recording.mcap`; its parts and `live.rrd` are beside it.
 
         Raises
         ------
         LabError
-            There is no such recording, it is still written, or it does not come whole.
+            There is no such recording, it is still written, or it does not arrive complete.
         """
         information = self._ask.query(
             self._ask.key("id", self._ask.bus.keys.recording, id),
@@ -341,14 +341,14 @@ class Catalogue:
         run : str
             The run on the rig, e.g. demo.i03.
         first_second, seconds : float
-            From the run's start, in seconds, 0 or more; and how long, greater than 0.
+            Start of the part since the run's start, 0 or more, and its length, greater than 0, in seconds.
         channels : sequence of str
-            Names of drives and responses; all where empty.
+            Names of drives and responses; all if empty.
 
         Returns
         -------
         drive, response : Signals
-            Shorter than asked for where the run ended.
+            Signals of the part; shorter than requested if the run ended before.
 
         Raises
         ------

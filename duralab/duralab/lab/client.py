@@ -1,4 +1,4 @@
-"""Queries to services: a fault becomes an error for the user, and the end of a service explains what it broke."""
+"""Queries to services: a fault becomes an error for the user; if a service has ended, that is the error."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from duralab_proto.v1 import query_pb2
 
 @dataclass(frozen=True)
 class Deadline:
-    """Deadline, of `time.monotonic`, and cancellation of a blocking call; `duralab_bus` asks it as it asks an event."""
+    """Deadline, in `time.monotonic`, and cancellation of a blocking call; `duralab_bus` uses it like an event."""
 
     timeout_seconds: float = math.inf
     deadline: float = math.inf
@@ -37,26 +37,26 @@ class Deadline:
 
     @property
     def limited(self) -> bool:
-        """Whether it can ever end."""
+        """Whether there is a deadline or a cancellation."""
         return self.cancel is not None or self.deadline < math.inf
 
     def is_set(self) -> bool:
-        """Whether it is over."""
+        """Return whether the deadline has passed or the call is cancelled."""
         return (self.cancel is not None and self.cancel.is_set()) or time.monotonic() >= self.deadline
 
     def error(self, what: str) -> LabError:
-        """Return why it is over, about `what`, the begin of a sentence."""
+        """Return the error of an ended call; `what` is the subject of its sentence."""
         if self.cancel is not None and self.cancel.is_set():
             return StoppedError(f"{what} was stopped by the script that asked for it.")
         return LabTimeoutError(f"{what} took longer than the {self.timeout_seconds:g} s allowed.")
 
 
 FOREVER = Deadline()
-"""Without an end."""
+"""Deadline without limit."""
 
 
 def deadline_of(timeout_seconds: float | None, cancel: threading.Event | None) -> Deadline:
-    """Return the deadline of a call that begins now."""
+    """Return the deadline and cancellation of a call that begins now."""
     if cancel is not None and not isinstance(cancel, threading.Event):
         raise InputError(f"cancel is {cancel!r}; give a threading.Event, or leave it out.", field="cancel")
     if timeout_seconds is None:
@@ -66,7 +66,7 @@ def deadline_of(timeout_seconds: float | None, cancel: threading.Event | None) -
 
 
 def require_time(seconds: object, *, field: str) -> None:
-    """Check a time that somebody is willing to wait."""
+    """Check a timeout in seconds."""
     if not isinstance(seconds, Real) or isinstance(seconds, bool) or not float(seconds) > 0.0:
         raise InputError(f"{field} is {seconds!r}; it must be a number greater than 0, or left out.", field=field)
 
@@ -94,20 +94,20 @@ def recordings_key(bus: Bus) -> str:
 
 
 def require_one(key: str) -> None:
-    """Refuse a key that stands for more than one: only one can be asked."""
+    """Refuse a key with a wildcard: a query goes to one service only."""
     if ANY in key:
         raise InputError(f"The name {ANY!r} stands for all, which can only be watched; give the name of one.")
 
 
 class LabClient:
-    """A session on the bus, as the SDK asks through it; `failure` returns the end of a service of this lab, or None."""
+    """Session of the SDK on the bus; `failure` returns the error of a service of this lab that has ended, or None."""
 
     def __init__(self, bus: Bus, failure: Callable[[], LabError | None]) -> None:
         self.bus = bus
         self.failure = failure
 
     def key(self, what: str, make: Callable[[str], str], name: str) -> str:
-        """Return the key made of a name; raises InputError with `what` as its field where none can be made."""
+        """Return the key made from a name; raises InputError with `what` as its field if the name is not allowed."""
         if not isinstance(name, str):
             raise InputError(f"{what} is {name!r}; give its name as a text.", field=what)
         try:
@@ -125,7 +125,7 @@ class LabClient:
         deadline: Deadline = FOREVER,
         what: str = "The answer",
     ) -> MessageT:
-        """Ask and wait for the answer; raises LabError, where the deadline is over one about `what`."""
+        """Send a query and wait for the answer; raises LabError, after the deadline one about `what`."""
         require_one(key)
         try:
             cancel = deadline if deadline.limited else None
@@ -136,7 +136,7 @@ class LabClient:
             raise self.explained(fault) from fault
 
     def explained(self, fault: FaultError) -> LabError:
-        """Return a fault as an error for the user: the end of a service explains what it broke."""
+        """Return a fault as an error for the user; if a service has ended, return that error."""
         if (ended := self.failure()) is not None:
             return ended
         return _ERRORS.get(fault.code, LabError)(fault.message, field=fault.field, service=fault.service)

@@ -1,4 +1,4 @@
-"""Deciding at a hold point: the proposal that a campaign waits with, and the answer to it."""
+"""Decisions at a hold point: the campaign's proposal and the answer to it."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _LAST_STEPS: Final = 12
 
 
 def proposal_of(ask: LabClient, id: str) -> Proposal | None:
-    """Return what a campaign waits with, its samples included; None where it waits for no decision."""
+    """Return the proposal of a waiting campaign, with its samples; None if it waits for no decision."""
     status = ask.query(
         ask.key("id", ask.bus.keys.campaign, id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus
     )
     if not status.HasField("hold"):
         return None
     keys = ask.bus.keys
-    # It is the last step that was committed, as long as the campaign waits.
+    # While the campaign waits, its proposal is the last committed step.
     steps = ask.query(keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo).steps
     request = recorder_pb2.ReadStepsRequest(first=steps - 1)
     for step in ask.query(keys.recording_steps(id), request, recorder_pb2.RecordedSteps).steps:
@@ -42,10 +42,10 @@ def proposal_of(ask: LabClient, id: str) -> Proposal | None:
 
 
 def last_drive_of(ask: LabClient, id: str, playback: int) -> Signals | None:
-    """Return the drive of a playback of a campaign that is still written; None for playback 0, and where it is gone."""
+    """Return the drive of a playback while the campaign is recorded; None for playback 0 or a missing drive."""
     keys, kind = ask.bus.keys, iterator_pb2.IterationStep.DESCRIPTOR.full_name
     total = ask.query(keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo).steps
-    # It is nearly always among the last steps; from the beginning on only where somebody went back.
+    # It is nearly always among the last steps; all steps are read only if a decision went back to an earlier one.
     for begin in (max(0, total - _LAST_STEPS), 0) if playback else ():
         first = begin
         while first < total:
@@ -99,10 +99,10 @@ def decide(
     message = iterator_pb2.Decision()
     try:
         if settings is not None:
-            # Before the checks of the decision, so that these see all of it.
+            # Fill in the settings before the decision is checked.
             _put_settings(ask, id, message, decision_settings(settings), describe=describe)
         said = {"proposal": proposal, "name": name, "reason": reason, "from_iteration": from_iteration}
-        # The settings are checked; here it counts only that there are some.
+        # The settings are already checked. `PLAY` replaces `CHANGE` here, so that only the other fields are checked.
         checked = Decision(kind=DecisionKind.PLAY if kind == DecisionKind.CHANGE else kind, **said)  # type: ignore[arg-type]
     except SettingsError as error:
         raise InputError(str(error), field=error.field) from error
@@ -120,7 +120,7 @@ def _put_settings(
     *,
     describe: Callable[[str], Rig],
 ) -> None:
-    """Put the settings in use, with those that change, into a decision."""
+    """Put the present settings, with the changed ones, into a decision."""
     waiting = proposal_of(ask, id)
     if waiting is None:
         raise InputError(f"Campaign {id!r} waits for no decision now; look at its status.", field="proposal")

@@ -1,4 +1,4 @@
-"""Endurance tests as the SDK drives them: started from a schedule, followed, held, decided, resumed, stopped."""
+"""Endurance tests of the SDK: start from a schedule, follow, hold, decide, resume, stop."""
 
 from __future__ import annotations
 
@@ -63,36 +63,36 @@ class EnduranceProgress:
     Parameters
     ----------
     id, rig : str
-        Its name, and the rig that plays it.
+        Name of the test, and the rig that plays it.
     phase : EndurancePhase
-        What it does.
+        Phase of the test.
     activity : str
-        The same as text.
+        Phase as text.
     repeats, played, unknown : int
-        Repeats of the schedule, those counted as played, and those of them whose end is not known.
+        Numbers of repeats of the schedule, of those counted as played, and of played ones whose end is unknown.
     remaining_seconds : float
-        Expected time to the end; negative where unknown.
+        Expected time to the end; negative if unknown.
     events : dict of str to tuple of int
-        Repeats played and planned of each event.
+        Numbers of played and planned repeats of each event.
     damage, planned, planned_whole : dict of str to float
         Damage by response: counted so far, planned for the repeats played, and planned for the whole schedule; the last
-        two are empty where they are not known.
+        two are empty if unknown.
     alarms : int
-        Alarms so far.
+        Number of alarms so far.
     last_alarms : tuple of str
-        The last ones, a sentence each.
+        Latest alarms, one sentence each.
     hold : int
-        Number of the hold that it waits with; 0 where it does not wait.
+        Number of the present hold; 0 if the test does not wait.
     reason : str
-        Why it waits, or why it ended early.
+        Reason why the test waits or ended early.
     remarks : tuple of str
-        What a person should know.
+        Remarks for the operator.
     recording : str
-        Id of the recording that is written.
+        Id of the present recording.
     kept : int
-        Repeats recorded with all samples.
+        Number of repeats recorded with all samples.
     hold_alarms : int
-        Alarms that made it wait; 0 where a person or a fault did.
+        Number of alarms that caused the hold; 0 if an operator or a fault caused it.
     """
 
     id: str
@@ -118,7 +118,7 @@ class EnduranceProgress:
 
     @classmethod
     def from_message(cls, status: sequencer_pb2.EnduranceStatus) -> EnduranceProgress:
-        """Return the progress that a status tells."""
+        """Return the progress from a status message."""
         names = list(status.responses)
 
         def by_response(array_name: str) -> dict[str, float]:
@@ -152,7 +152,7 @@ class EnduranceProgress:
         )
 
     def __str__(self) -> str:
-        """Return it as a few lines and a table of the events."""
+        """Return the progress as a few lines and a table of the events."""
         unknown = f", of which the end of {self.unknown} is not known" if self.unknown else ""
         left = f", {self.remaining_seconds:.0f} s left" if self.remaining_seconds > 0 else ""
         lines = [
@@ -208,9 +208,9 @@ def _damage(planned: Signals, rig: Rig, exponent: float, *, event: str) -> np.nd
 
 
 class EnduranceTest:
-    """One endurance test of a lab; made by `Lab.endure` and `Lab.endurance`.
+    """Endurance test of a lab; made by `Lab.endure` and `Lab.endurance`.
 
-    `id`: Its name. `rig`: The rig that plays it; asked where not given.
+    `id`: Name of the test. `rig`: Rig that plays it; read from the recording if not given.
     """
 
     def __init__(self, ask: LabClient, id: str, rig: str = "") -> None:
@@ -219,7 +219,7 @@ class EnduranceTest:
         self._rig = rig
 
     def progress(self) -> EnduranceProgress:
-        """Return how far it is; raises InputError where the sequencer does not know it, as after a restart."""
+        """Return the progress; raises InputError if the sequencer has no such test, e.g. after its restart."""
         return EnduranceProgress.from_message(self._status())
 
     def _status(self) -> sequencer_pb2.EnduranceStatus:
@@ -228,7 +228,7 @@ class EnduranceTest:
 
     @property
     def rig(self) -> str:
-        """The rig that plays it, from its first recording."""
+        """Rig that plays the test, from its first recording."""
         if not self._rig:
             key = self._ask.key("id", self._ask.bus.keys.recording_steps, self.id)
             answer = self._ask.query(key, recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
@@ -241,12 +241,12 @@ class EnduranceTest:
         return self._rig
 
     def history(self) -> EnduranceHistory:
-        """Return a reader of its recordings, from its first repeat on.
+        """Return a reader of the test's recordings, from its first repeat on.
 
         Returns
         -------
         EnduranceHistory
-            It has read nothing yet.
+            Reader before its first `read`.
         """
         return EnduranceHistory(self._ask, self.id)
 
@@ -258,14 +258,14 @@ class EnduranceTest:
         timeout_seconds: float | None = None,
         cancel: threading.Event | None = None,
     ) -> EnduranceProgress:
-        """Wait for its end; the test continues in the lab when the wait ends early.
+        """Wait for the end of the test; the test continues in the lab if the wait ends early.
 
         Parameters
         ----------
         on_progress : callable, optional
             Called with an `EnduranceProgress` twice a second.
         until_hold : bool
-            Also return when it holds.
+            Also return when the test holds.
         timeout_seconds : float, optional
             Longest time to wait.
         cancel : threading.Event, optional
@@ -274,14 +274,14 @@ class EnduranceTest:
         Returns
         -------
         EnduranceProgress
-            At the end, or when it holds.
+            Progress at the end, or at the hold.
 
         Raises
         ------
         StoppedError, LabTimeoutError
-            `cancel` was set, or the time was over.
+            `cancel` was set, or `timeout_seconds` passed.
         LabError
-            The sequencer is gone.
+            The sequencer is not on the bus.
         """
         end = deadline_of(timeout_seconds, cancel)
         while True:
@@ -305,14 +305,14 @@ class EnduranceTest:
         Returns
         -------
         EnduranceProgress
-            How far it is.
+            Progress after the request.
         """
         require_text(reason, field="reason")
         key = self._ask.key("id", self._ask.bus.keys.endurance_hold, self.id)
         return self._progress(key, sequencer_pb2.HoldEnduranceRequest(reason=reason))
 
     def resume(self) -> EnduranceProgress:
-        """Continue after a hold that a person or a fault made, or after a crash of the sequencer."""
+        """Continue after a hold by an operator or a fault, or after a crash of the sequencer."""
         key = self._ask.bus.keys.endurance_resume(self.id, self.rig)
         return self._progress(key, sequencer_pb2.ResumeEnduranceRequest())
 
@@ -327,19 +327,19 @@ class EnduranceTest:
         hold : int
             Number of the hold: a decision on another one, or a second one, is refused.
         name, reason : str
-            Who decides, up to 80 characters, and why, up to 1000; both are kept in the recording.
+            Name of the person who decides, up to 80 characters, and reason, up to 1000; both are recorded.
 
         Returns
         -------
         EnduranceProgress
-            How far it is.
+            Progress after the request.
 
         Raises
         ------
         InputError
             A value is not allowed.
         NotReadyError
-            It does not wait with this hold, or the rig cannot play.
+            The test does not wait at this hold, or the rig cannot play.
         """
         if choice not in tuple(EnduranceChoice):
             raise InputError(f"The choice is {choice!r}; allowed are {', '.join(EnduranceChoice)}.", field="choice")
@@ -353,7 +353,7 @@ class EnduranceTest:
         return self._progress(key, decision)
 
     def stop(self, *, reason: str = "") -> EnduranceProgress:
-        """End it, and stop and latch its rig; one that has ended stays unchanged.
+        """End the test, and stop and latch its rig; a test that has ended stays unchanged.
 
         Parameters
         ----------
@@ -363,40 +363,40 @@ class EnduranceTest:
         Returns
         -------
         EnduranceProgress
-            How far it got.
+            Progress at the stop.
         """
         require_text(reason, field="reason")
         key = self._ask.key("id", self._ask.bus.keys.endurance_stop, self.id)
         return self._progress(key, sequencer_pb2.StopEnduranceRequest(reason=reason))
 
     def _progress(self, key: str, request: Message) -> EnduranceProgress:
-        """Ask the sequencer, and return how far the test is."""
+        """Query the sequencer and return the test's progress."""
         return EnduranceProgress.from_message(self._ask.query(key, request, sequencer_pb2.EnduranceStatus))
 
 
 @dataclass(frozen=True)
 class EnduranceAlarm:
-    """An alarm of an endurance test.
+    """Alarm of an endurance test.
 
     Parameters
     ----------
     repeat, event, since : int, str, int
-        Repeat in which it was found, from 0, its event, and the repeat in which the change began.
+        Repeat in which the alarm was found, from 0, its event, and the repeat in which the change began.
     level, kind, action : str
-        "warning" or "abort"; "limit", "sudden change" or "slow drift"; what follows: "log", "hold", "stop" or
+        "warning" or "abort"; "limit", "sudden change" or "slow drift"; reaction: "log", "hold", "stop" or
         "iterate again".
     channel : str
-        Response that shows it.
+        Response with the change.
     band : tuple of float or None
-        Lowest and highest frequency in Hz; None where it is not in a band.
+        Lowest and highest frequency in Hz; None if the change is not limited to a band.
     measure : str
-        What changed, e.g. "gain" or "rms".
+        Changed quantity, e.g. "gain" or "rms".
     size : float
         Change as a share of the baseline, or the value at an absolute limit.
     sentence : str
-        All of it.
+        Description of the alarm as a sentence.
     found : datetime.datetime or None
-        When the sequencer found it, in UTC; None in a recording of an older version, which has no time.
+        Time at which the sequencer found it, in UTC; None in a recording of an older version, which has no time.
     """
 
     repeat: int
@@ -415,21 +415,21 @@ class EnduranceAlarm:
 
 @dataclass(frozen=True, eq=False)
 class PlayedRepeat:
-    """A repeat of an endurance test as it is recorded.
+    """Recorded repeat of an endurance test.
 
     Parameters
     ----------
     repeat, event : int, str
         Number from 0, and the event that was played.
     baseline : tuple of int
-        Repeats of an event with the same value belong to one baseline: number of the drive, and how often all baselines
-        were learnt again.
+        Number of the drive, and number of times that all baselines were relearned; repeats of an event with the same
+        value have the same baseline.
     statistics : np.ndarray or None, shape (responses, columns)
-        Columns as in `EnduranceHistory.columns`; None where the end of the repeat is not known.
+        Columns as in `EnduranceHistory.columns`; None if the end of the repeat is unknown.
     alarms : tuple of EnduranceAlarm
-        Found in it.
+        Alarms found in the repeat.
     reason : str
-        Why its end is not known; empty where it is.
+        Reason why its end is unknown; empty if it is known.
     """
 
     repeat: int
@@ -441,9 +441,9 @@ class PlayedRepeat:
 
 
 class EnduranceHistory:
-    """Reads what is recorded of an endurance test, also while it runs; made by `EnduranceTest.history`.
+    """Reader of the recordings of an endurance test, also while it runs; made by `EnduranceTest.history`.
 
-    `id`: The test.
+    `id`: Name of the test.
     """
 
     def __init__(self, ask: LabClient, id: str) -> None:
@@ -457,16 +457,16 @@ class EnduranceHistory:
         self.kept: list[int] = []
 
     def read(self) -> list[PlayedRepeat]:
-        """Return the repeats that were recorded since the last call, a bounded number of them.
+        """Return repeats recorded since the last call, a limited number per call.
 
-        Also brings the attributes up to date: `schedule`, `sources` (where the drive of each event comes from),
+        Also updates the attributes: `schedule`, `sources` (the source of each event's drive),
         `columns` (names of the statistics), `decisions` (hold, kind, name, reason) and `kept` (repeats with all
         samples).
 
         Returns
         -------
         list of PlayedRepeat
-            In order; empty where nothing is new.
+            New repeats in order; empty if there are none.
 
         Raises
         ------
@@ -479,7 +479,7 @@ class EnduranceHistory:
         try:
             steps = self._ask.query(key, request, recorder_pb2.RecordedSteps).steps
         except InputError:
-            # The next recording begins with the next repeat, which may be a while, or never.
+            # The next recording begins with the next repeat, which may come late or never.
             if self._volume == 1:
                 raise
             return []

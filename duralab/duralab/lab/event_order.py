@@ -1,4 +1,4 @@
-"""In which order events are made, and which one each starts from: similar ones follow each other."""
+"""Order of a project's events, and the event that each starts from: similar events follow each other."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 _BANDS: Final = 24
-"""Bands of equal ratio in which spectra of targets are compared, whatever the lengths of the targets."""
+"""Number of bands of equal ratio for comparing spectra of targets, for targets of any length."""
 _QUIETEST: Final = 1e-6
-"""Share of a channel's strongest band below which a band counts as this quiet."""
+"""Lower bound of a band's power, as a share of the channel's strongest band."""
 RESEMBLES: Final = 0.5
-"""Share of a target's energy that a scaled other one has to explain, so that its drive is worth starting from."""
+"""Share of a target's energy that another target, scaled, must explain so that its drive is a useful start."""
 
 
 @dataclass(frozen=True)
 class Likeness:
-    """Likeness of targets.
+    """Similarity of targets.
 
-    `distance`, shape (targets, targets): 0 for one that another scaled is, and more for others. `explained`, shape
-    (targets, targets): Share of the energy of the target of the column that the one of the row, scaled, explains.
+    `distance`, shape (targets, targets): 0 if one target is a scaled copy of the other, larger otherwise. `explained`,
+    shape (targets, targets): Share of the energy of the column's target that the row's target, scaled, explains.
     """
 
     distance: NDArray[np.float64]
@@ -30,10 +30,10 @@ class Likeness:
 
 
 def likeness(targets: Sequence[NDArray[np.float64]], *, sample_rate: float, band: tuple[float, float]) -> Likeness:
-    """Compare targets of one rig in a band, channels in one order, of any lengths.
+    """Compare targets of one rig in a band; they have the same order of channels and any lengths.
 
     The distance is the RMS difference of their spectra in dB, over channels and bands of equal ratio, times the root of
-    the share of the energy that the scaled other one leaves unexplained, sample by sample from the start.
+    the share of the energy that the other target, scaled, does not explain, sample by sample from the start.
     """
     longest = max(target.shape[1] for target in targets)
     frequency = np.fft.rfftfreq(longest, 1.0 / sample_rate)
@@ -58,7 +58,7 @@ def likeness(targets: Sequence[NDArray[np.float64]], *, sample_rate: float, band
 
 
 def _explained(by: NDArray[np.complex128], wanted: NDArray[np.complex128]) -> float:
-    """Return the share of energy that the best scaled record explains; each channel over its RMS in the wanted one."""
+    """Return the share of energy explained at the best scale; each channel is divided by its RMS in `wanted`."""
     energy = np.sum(np.abs(wanted) ** 2, axis=1)
     weight = np.divide(1.0, energy, out=np.zeros_like(energy), where=energy > 0.0)
     product = float(weight @ np.sum((by.conj() * wanted).real, axis=1))
@@ -68,7 +68,7 @@ def _explained(by: NDArray[np.complex128], wanted: NDArray[np.complex128]) -> fl
 
 
 def ordered(distance: NDArray[np.float64], priorities: Sequence[int]) -> list[int]:
-    """Return the order of events: by priority; among equals the most typical first, then the nearest to one before."""
+    """Return the order of events: by priority; among equals first the most typical, then the nearest to any before."""
     left, order = set(range(len(priorities))), list[int]()
     while left:
         highest = max(priorities[i] for i in left)
@@ -81,5 +81,5 @@ def ordered(distance: NDArray[np.float64], priorities: Sequence[int]) -> list[in
 
 
 def nearest(distance: NDArray[np.float64], event: int, among: Sequence[int], *, most: int) -> list[int]:
-    """Return the events nearest to one, the nearest last: an update minds what it learned last the most."""
+    """Return the events nearest to `event`, the nearest last: the latest data has the most effect on an update."""
     return sorted(among, key=lambda i: (distance[i, event], i))[:most][::-1]

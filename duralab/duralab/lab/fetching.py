@@ -1,4 +1,4 @@
-"""Bringing a recording from the recorder to its user, or the sentence about where it lies."""
+"""Fetch a recording from the recorder to the user, or report where it is."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from duralab_recordings import part_path
 
 PART_BYTES: Final = 2 * 1024 * 1024
-"""A recording of 93 MB came in 0.4 s on loopback, in pieces of twice the size in 0.5 to 0.7."""
+"""Size of a piece: 93 MB took 0.4 s on loopback, and 0.5 to 0.7 s in pieces of twice the size."""
 PARTS_AHEAD: Final = 2
-"""So many pieces are asked for while one is written and hashed."""
+"""Number of pieces requested while one is written and hashed."""
 
 CLOSE_SECONDS: Final = 30.0
 """Longest wait for the recorder to close a recording after its campaign ended."""
 
 
 class Part(StrEnum):
-    """The files of a recording; the values are the contract's."""
+    """Files of a recording; the values are from the contract."""
 
     RECORDING = "recording"
     LIVE = "live"
 
 
 def wait_until_closed(bus: Bus, id: str, *, seconds: float = CLOSE_SECONDS) -> recorder_pb2.RecordingInfo:
-    """Return the description of a recording when its file is complete."""
+    """Wait until a recording's file is complete and return its description."""
     deadline = time.monotonic() + seconds
     while True:
         information = bus.query(bus.keys.recording(id), recorder_pb2.RecordingRequest(), recorder_pb2.RecordingInfo)
@@ -78,7 +78,7 @@ def fetch(bus: Bus, id: str, *, part: Part, path: Path, number: int = 1, file_ha
 
 
 def _in_order(ask: Callable[[int], recorder_pb2.RecordingPart]) -> Iterator[recorder_pb2.RecordingPart]:
-    """Ask for a file piece by piece, a few ahead of the one that is needed."""
+    """Request a file piece by piece, a few pieces ahead."""
     first = ask(0)
     yield first
     with ThreadPoolExecutor(PARTS_AHEAD, thread_name_prefix="duralab-fetch") as pool:
@@ -111,28 +111,28 @@ def fetch_result(
 def fetch_files(bus: Bus, information: recorder_pb2.RecordingInfo, *, folder: Path) -> tuple[Path, Path]:
     """Fetch the files of a closed recording into a folder."""
     id, recording_path, live_path = information.recording, folder / "recording.mcap", folder / "live.rrd"
-    # A recorder of before names the first file only, and knows no other.
+    # An older recorder reports only the first file, and has no other.
     files = list(information.files) or [recorder_pb2.RecordingFile(file_hash=information.file_hash)]
     stale = [place for number, place in parts_beside(recording_path).items() if number > len(files)]
     for number, file in enumerate(files, start=1):
         path = part_path(recording_path, number)
         fetch(bus, id, part=Part.RECORDING, path=path, number=number, file_hash=file.file_hash)
-    # Of a longer recording that was there before: it would be read as part of this one.
+    # Files of an earlier, longer recording would be read as parts of this one.
     for place in stale:
         place.unlink()
     try:
         fetch(bus, id, part=Part.LIVE, path=live_path)
     except FaultError as fault:
-        # A recorder that is told to write no live file has none; a later one can be made of the recording.
+        # The recorder may be set to write no live file; it can be made later from the recording.
         if fault.code != query_pb2.FAULT_CODE_NOT_FOUND:
             raise
-        # Of another recording that was there before: it would be shown as this one's.
+        # The live file of an earlier recording would be shown as this one's.
         live_path.unlink(missing_ok=True)
     return recording_path, live_path
 
 
 RESCUE_SECONDS: Final = 10.0
-"""Longest wait for a campaign that was stopped to close its recording; then it is left where it is."""
+"""Longest wait until a stopped campaign's recording is closed; then it stays at the recorder."""
 
 _PLAYED: Final = "What was played until then"
 
@@ -149,7 +149,7 @@ class Recovery:
     place: RecordingsPlace
 
     def annotate(self, error: ErrorT, *, played: bool, fetch: bool = True) -> ErrorT:
-        """Add to an error where the recording is, fetched into `folder` first unless `fetch` is False; return it."""
+        """Fetch the recording into `folder` unless `fetch` is False; return the error with the recording's path."""
         sentence = self._brought(played=played) if fetch else self._where_it_lies(played=played)
         if sentence and isinstance(error, LabError):
             return type(error)(f"{ended(error.message)} {sentence}", field=error.field, service=error.service)
@@ -161,7 +161,7 @@ class Recovery:
         try:
             if self._will_be_closed() and self._may_be_fetched():
                 information = wait_until_closed(self.ask.bus, self.id, seconds=RESCUE_SECONDS)
-                # With holes too: this one proves nothing, it shows what happened.
+                # Also with missing blocks: the recording shows what happened, and proves no result.
                 path, _ = fetch_files(self.ask.bus, information, folder=self.folder)
                 self.place.fetched.add(self.id)
                 further = (
@@ -175,7 +175,7 @@ class Recovery:
             if fault.code == query_pb2.FAULT_CODE_NOT_FOUND and self.place.file(self.id) is None:
                 return ""
         except (LabError, BusError):
-            pass  # Said by where it lies instead of where it was to go; why the campaign ended is more important.
+            pass  # The sentence below names the present place instead; the campaign's error is more important.
         return self._where_it_lies(played=played)
 
     def _where_it_lies(self, *, played: bool) -> str:
@@ -192,14 +192,14 @@ class Recovery:
         return f"`duralab resume {self.id}`"
 
     def _will_be_closed(self) -> bool:
-        """Return whether somebody is there who closes the recording, and somebody to ask for it."""
+        """Return whether the iterator, which closes the recording, and the recorder are on the bus."""
         needed, failure = {"iterator", "recorder"}, self.ask.failure()
         if failure is not None and failure.service in needed:
             return False
         return {(service, MAIN_INSTANCE) for service in needed} <= self.ask.bus.live()
 
     def _may_be_fetched(self) -> bool:
-        """Return whether it would be there at the end, and take the place of nothing of a better one."""
+        """Return whether the folder outlives the lab and contains no outputs that would be overwritten."""
         return self.place.outlives(self.folder) and not any((self.folder / name).exists() for name in OUTPUTS)
 
 

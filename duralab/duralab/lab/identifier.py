@@ -1,4 +1,4 @@
-"""Identifying a rig from a script: plan, experiment, and what can be asked of the model."""
+"""Identification of a rig from a script: plan, experiment, and queries about the model."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Identifier:
     def plan(
         self, rig: str, excitation: ExcitationSettings, estimator: EstimatorSettings, *, seed: int = 0
     ) -> ExperimentPlan:
-        """Return what an experiment takes and gives; nothing moves.
+        """Return the plan of an experiment: its duration and expected result; nothing moves.
 
         Parameters
         ----------
@@ -42,12 +42,12 @@ class Identifier:
         Returns
         -------
         ExperimentPlan
-            Printed, it is a table.
+            Plan of the experiment; prints as a table.
 
         Raises
         ------
         InputError
-            The rig could not play it, or it would not identify it.
+            The rig could not play the experiment, or the experiment would not identify the rig.
         """
         request = identifier_pb2.PlanRequest(identify=self._request(rig, excitation, estimator, seed=seed))
         plan = self._ask.query(self._keys.experiment_plan(), request, identifier_pb2.ExperimentPlan)
@@ -70,30 +70,30 @@ class Identifier:
         Parameters
         ----------
         rig : str
-            Its name.
+            Name of the rig.
         excitation, estimator : ExcitationSettings, EstimatorSettings
-            As in a campaign file.
+            Settings as in a campaign file.
         seed : int
-            Of the excitation's phases and of the random parts of a simulated rig.
+            Seed of the excitation's phases and of the random parts of a simulated rig.
         learn_drive_map : bool
-            Whether to learn which drives follow products of others, as campaigns do. Where some do, `Model.frf` is from
-            mapped drives, and `predict` maps a drive first.
+            Whether to learn which drives follow products of other drives, as in a campaign. If some do, `Model.frf` is
+            from mapped drives, and `predict` maps a drive first.
         on_progress : callable, optional
             Called with a `RunProgress` about once a second.
         timeout_seconds : float, optional
             Longest time to wait; then the rig is stopped and latched.
         cancel : threading.Event, optional
-            Set from another thread, it does the same.
+            If another thread sets it, the rig is stopped and latched.
 
         Returns
         -------
         Model
-            Also kept by the identifier until newer ones replace it.
+            Identified model; the identifier keeps it until newer models replace it.
 
         Raises
         ------
         LabError
-            The rig could not play it (`InputError`), or it did not identify the rig.
+            The rig could not play the experiment (`InputError`), or the experiment did not identify the rig.
         """
         request = self._request(rig, excitation, estimator, seed=seed)
         if learn_drive_map:
@@ -120,24 +120,24 @@ class Identifier:
         seed: int = 0,
         on_progress: Callable[[RunProgress], None] | None = None,
     ) -> LevelSeries:
-        """Run one experiment at several levels, from the lowest up, and return what changes; 2 to 8 factors.
+        """Run one experiment at 2 to 8 levels, the lowest first, and return the models and their differences.
 
         Parameters
         ----------
         rig, excitation, estimator, seed, on_progress
             As for `identify`.
         factors : sequence of float
-            Of the excitation's levels, 2 to 8 of them.
+            Factors of the excitation's levels, 2 to 8 of them.
 
         Returns
         -------
         LevelSeries
-            The models, and the difference of each to the one before.
+            Models, and the difference of each to the previous one.
 
         Raises
         ------
         LabError
-            The rig could not play one of them, then nothing moved (`InputError`), or it was not identified.
+            The rig could not play one of the levels (`InputError`; nothing moved), or it was not identified.
         """
         request = identifier_pb2.LevelsRequest(
             identify=self._request(rig, excitation, estimator, seed=seed),
@@ -152,19 +152,19 @@ class Identifier:
         )
 
     def predict(self, model: Model, drive: Signals) -> Signals:
-        """Return the response that a model expects of a drive, in its band and without static part.
+        """Return the response that a model predicts for a drive, in the model's band and without static part.
 
         Parameters
         ----------
         model : Model
-            That the identifier still holds.
+            Model that the identifier still keeps.
         drive : Signals
-            Of the model's drives, in their units.
+            Signals of the model's drives, in their units.
 
         Returns
         -------
         Signals
-            Of the model's responses, as long as the drive.
+            Predicted responses, as long as the drive.
         """
         request = identifier_pb2.PredictRequest(drive=drive.to_message())
         answer = self._ask.query(self._keys.prediction(model.id), request, identifier_pb2.Prediction)
@@ -173,25 +173,25 @@ class Identifier:
     def convergence(
         self, model: Model, *, gain: float, band: tuple[float, float], rig_model: Model | None = None
     ) -> Convergence:
-        """Return how Time Waveform Replication with the model's inverse will converge in a band, in hertz.
+        """Predict how Time Waveform Replication with the model's inverse converges in a band in Hz.
 
-        A `rig_model`, e.g. from a higher level, stands for the rig instead of the model itself.
+        A `rig_model`, e.g. from a higher level, represents the rig instead of `model`.
 
         Parameters
         ----------
         model : Model
-            Whose inverse would be used.
+            Model whose inverse is used.
         gain : float
-            Of every response, above 0 to 1.
+            Iteration gain of all responses, greater than 0, at most 1.
         band : tuple of float
-            In hertz; within the model's, and within that of a `rig_model`.
+            Band in Hz, inside the bands of `model` and `rig_model`.
         rig_model : Model, optional
-            Stands for the rig.
+            Model that represents the rig.
 
         Returns
         -------
         Convergence
-            Line by line, and in a sentence.
+            Prediction per frequency line, and as a sentence.
         """
         request = identifier_pb2.ConvergenceRequest(
             iteration_gain=to_array(np.full(len(model.responses), float(gain))),
@@ -203,21 +203,21 @@ class Identifier:
         return _decoded(Convergence, answer)
 
     def advise(self, model: Model, target: Signals, *, band: tuple[float, float]) -> LevelAdvice:
-        """Return the drive levels that give responses like a target's in a band, in hertz.
+        """Return the drive levels that give responses at the level of a target's in a band in Hz.
 
         Parameters
         ----------
         model : Model
-            Of the rig, from any level.
+            Model of the rig, from any level.
         target : Signals
-            Of the model's responses, in their units.
+            Target of the model's responses, in their units.
         band : tuple of float
-            In hertz.
+            Band in Hz.
 
         Returns
         -------
         LevelAdvice
-            Printed, it is a table.
+            Advice; prints as a table.
         """
         request = identifier_pb2.AdviceRequest(
             model_id=model.id, target=target.to_message(), lowest_frequency=band[0], highest_frequency=band[1]
@@ -251,7 +251,7 @@ ValueT = TypeVar("ValueT")
 
 
 def _decoded(kind: type[ValueT], message: Message, **given: object) -> ValueT:
-    """Return the dataclass whose fields are those of a message, by name, beside those given."""
+    """Return a dataclass with the message's fields of the same names, and with the `given` ones."""
     values = {
         field.name: getattr(message, field.name) for field in fields(cast("Any", kind)) if field.name not in given
     }

@@ -1,4 +1,4 @@
-"""Start of a campaign, read from recordings and files: a model, a first drive, what others learned."""
+"""Start of a campaign from recordings and files: a model, a first drive, playbacks of other campaigns."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ from duralab_proto.v1 import identifier_pb2, iterator_pb2
 from duralab_recordings import part_path
 
 _SECTION: Final = "-section"
-"""What the name of a campaign on a section of the target ends with."""
+"""Suffix of the name of a campaign on a section of the target."""
 _TAPER_SECONDS: Final = 0.25
-"""A section that begins or ends abruptly would ask for a blow."""
+"""Taper at both ends of a section: an abrupt begin or end would require an impact."""
 
 
 def fill_known(
@@ -40,9 +40,9 @@ def fill_known(
     place: RecordingsPlace,
     folder: Path,
 ) -> None:
-    """Add the start of a campaign to its specification; raises InputError if it is missing or does not fit.
+    """Add the start of a campaign to its specification; raises InputError if a source is missing or does not fit.
 
-    `rig`: The rig of the campaign. `place`: Of the lab's recordings. `folder`: Where relative paths start.
+    `rig`: Rig of the campaign. `place`: Place of the lab's recordings. `folder`: Base of relative paths.
     """
     known = specification.known
     if start.model is not None:
@@ -83,7 +83,7 @@ def put_first_drive(
     source: str,
     first_second: float = 0.0,
 ) -> None:
-    """Put a first drive into a specification, with zeros before `first_second` and behind it; raises InputError."""
+    """Put a first drive into a specification, padded with zeros before `first_second` and after the drive's end."""
     samples, length = len_of_target(specification), drive.samples.shape[1]
     first = round(first_second * drive.sample_rate)
     if first + length > samples:
@@ -101,12 +101,12 @@ def put_first_drive(
 
 
 def len_of_target(specification: iterator_pb2.CampaignSpec) -> int:
-    """Return the samples of a specification's target."""
+    """Return the number of samples of a specification's target."""
     return int(specification.target.samples.shape[1])
 
 
 def section_campaign(plan: Campaign) -> Campaign | None:
-    """Return the campaign on a section of the target that goes before a campaign; None where it asks for none."""
+    """Return the campaign on a section of the target that precedes a campaign; None if the plan has no section."""
     start = plan.start_from
     if start is None or start.section is None:
         return None
@@ -135,7 +135,7 @@ def after_section(plan: Campaign, section: CampaignResult) -> Campaign:
 
 
 def best_playback(recording: Recording, *, name: str, field: str) -> tuple[Signals, Signals]:
-    """Return drive and response of the best playback, or of the last where the campaign did not end."""
+    """Return drive and response of the best playback, or of the last if the campaign did not end."""
     numbers = recording.iterations.numbers
     if not numbers:
         raise InputError(

@@ -1,4 +1,4 @@
-"""A lab as a script meets it: its rigs, playing them, running campaigns."""
+"""Interface of a lab for scripts: rigs, playing drives, running campaigns."""
 
 from __future__ import annotations
 
@@ -46,10 +46,10 @@ if TYPE_CHECKING:
 
 
 class Lab:
-    """A lab on the bus; made by `start` and `connect`.
+    """Lab on the bus; made by `start` and `connect`.
 
-    `out`: Folder for what campaigns leave. `supervisor`: Of the services, where this process started them.
-    `recordings`: Where its recorder writes, if known.
+    `out`: Output folder of campaigns. `supervisor`: Supervisor of the services, if this process started them.
+    `recordings`: Place of the recorder's files, if known.
     """
 
     def __init__(
@@ -68,11 +68,11 @@ class Lab:
 
     @property
     def endpoints(self) -> tuple[str, ...]:
-        """Endpoints at which others can connect to this lab."""
+        """Endpoints at which other processes can connect to this lab."""
         return self._bus.listening
 
     def failure(self) -> LabError | None:
-        """Return what happened to a service of this lab that ended unexpectedly; None while all is well."""
+        """Return the error of a service of this lab that ended unexpectedly; None if there is none."""
         return self._supervisor.failure() if self._supervisor is not None else None
 
     @property
@@ -82,28 +82,28 @@ class Lab:
 
     @property
     def catalogue(self) -> Catalogue:
-        """Finds and checks the recordings that the lab's recorder holds."""
+        """Catalogue of the recordings of the lab's recorder."""
         return Catalogue(self._ask)
 
     def health(self) -> list[ServiceHealth]:
-        """Return the health of every service: queues, lag, loss, latches, progress; a silent service is marked."""
+        """Return the health of each service: queues, lag, loss, latches, progress; silent services are marked."""
         return health_of(self._bus)
 
     def rig_names(self) -> list[str]:
-        """Return the names of all rigs present; one that cannot be used says why when it is asked."""
+        """Return the names of all rigs present, also of unusable ones, whose description reports why."""
         return sorted(instance for _, instance in self._ask.bus.live("rig_sim"))
 
     @property
     def identifier(self) -> Identifier:
-        """Identifies rigs without a campaign around it."""
+        """Identifier of rigs, without a campaign."""
         return Identifier(self._ask, self.describe)
 
     def rigs(self) -> Rigs:
-        """Return all rigs present, by name; raises `LabError` where one of them cannot be used."""
+        """Return all rigs present, by name; raises `LabError` if one of them cannot be used."""
         return Rigs(self.describe(name) for name in self.rig_names())
 
     def describe(self, rig: str) -> Rig:
-        """Return what a rig is and what it can play.
+        """Return the description of a rig and its limits.
 
         Parameters
         ----------
@@ -113,7 +113,7 @@ class Lab:
         Returns
         -------
         Rig
-            Channels, limits, sample rate.
+            Description with channels, limits and sample rate.
 
         Raises
         ------
@@ -132,7 +132,7 @@ class Lab:
         return Rig.from_message(self._ask.query(key, rig_pb2.DescriptionRequest(), rig_pb2.RigDescription))
 
     def state(self, rig: str) -> RigState:
-        """Return what a rig does now.
+        """Return the present state of a rig.
 
         Parameters
         ----------
@@ -142,7 +142,7 @@ class Lab:
         Returns
         -------
         RigState
-            Whether it rests, plays or is latched, and why.
+            State: at rest, playing or latched, and the reason.
 
         Raises
         ------
@@ -160,14 +160,14 @@ class Lab:
         rig : str
             Its name.
         name : str
-            Who clears it, at most 80 characters; in the rig's state and log, and in recordings, until the next latch.
+            Name of the person, at most 80 characters; in the rig's state, log and recordings until the next latch.
         reason : str
-            Why the rig may move again, at most 300 characters; kept like `name`.
+            Reason why the rig may move again, at most 300 characters; kept like `name`.
 
         Returns
         -------
         RigState
-            After the reset.
+            State after the reset.
 
         Raises
         ------
@@ -199,10 +199,10 @@ class Lab:
         rig : str
             Its name.
         drive : array, DataArray, Dataset or Signals, shape (drives, samples)
-            A plain array in the units, the order and at the sample rate of the rig's description. Where channels have
-            names, they may be in any order, and units and rate are checked; a name without a unit is refused.
+            A plain array has the units, order and sample rate of the rig's description. Named channels may be in any
+            order, and their units and rate are checked; a name without a unit is refused.
         run : str, optional
-            Name of the playback, unique on the rig; a new one where not given.
+            Name of the playback, unique on the rig; a new one if not given.
         seed : int
             Seed of the random parts of a simulated rig, 0 to 2^63 - 1.
         real_time : bool
@@ -217,18 +217,18 @@ class Lab:
         Returns
         -------
         Played
-            The response, and how the actuators were used.
+            Response and actuator use.
 
         Raises
         ------
         InputError
             There is no such rig, or it refused the drive.
         BusyError, NotReadyError
-            It plays, or is latched.
+            The rig plays or is latched.
         StoppedError, LabTimeoutError
             The rig was stopped, or the time limit passed.
         LabError
-            It met a limit, or is gone.
+            The rig reached a limit, or left the bus.
         """
         end = deadline_of(timeout_seconds, cancel)
         return play_drive(
@@ -283,9 +283,9 @@ class Lab:
         Parameters
         ----------
         rig : str
-            Its name; no campaign uses it.
+            Name of the rig, which no campaign uses.
         id : str, optional
-            Name of the recording, which must be new; the rig's with the time where not given.
+            Name of the recording, which must be new; the rig's name with the time if not given.
         level : float
             Largest share of limits and slew limits that is used, above 0 to 0.05.
         seed : int
@@ -293,7 +293,7 @@ class Lab:
         real_time : bool
             Play no faster than real time.
         on_progress : callable, optional
-            Called with a `RunProgress` about once a second; a calibration that is overdue comes before anything moves.
+            Called with a `RunProgress` about once a second; an overdue calibration is reported before anything moves.
         timeout_seconds : float, optional
             Longest time to wait; then the rig is stopped and latched. No limit if omitted.
         cancel : threading.Event, optional
@@ -302,18 +302,18 @@ class Lab:
         Returns
         -------
         PreTest
-            Printed, it is a table with the findings and the verdict.
+            Findings and verdict; prints as a table.
 
         Raises
         ------
         InputError
             There is no such rig, `level` is not allowed, or `id` exists.
         BusyError, NotReadyError
-            A campaign uses the rig, it plays, is latched, or plays too short drives.
+            A campaign uses the rig, or the rig plays, is latched, or accepts too short drives only.
         StoppedError, LabTimeoutError
             The rig was stopped, or the time limit passed.
         LabError
-            The rig or a service is gone, or nothing can be recorded.
+            The rig or a service left the bus, or nothing can be recorded.
         """
         end, report = deadline_of(timeout_seconds, cancel), progress_callback(on_progress)
         return make_pre_test(
@@ -330,8 +330,8 @@ class Lab:
     def stop_rig(self, rig: str, *, reason: str = "") -> RigState:
         """Ramp a rig down and latch it, in every state; return when it rests.
 
-        A rig whose run cannot be stopped answers at once: `goes_on` of the state is True, and the run continues to its
-        end.
+        If the run cannot be stopped, the rig answers at once with `goes_on` True in its state, and the run continues to
+        its end.
 
         Parameters
         ----------
@@ -343,7 +343,7 @@ class Lab:
         Returns
         -------
         RigState
-            Latched, and at rest unless `goes_on`.
+            State: latched, and at rest unless `goes_on`.
 
         Raises
         ------
@@ -360,28 +360,28 @@ class Lab:
         kinds: Sequence[Watched] = tuple(Watched),
         timeout_seconds: float | None = None,
     ) -> Watch:
-        """Watch the lab live: an iterator over what rigs play, what they do, and how far campaigns are.
+        """Watch the lab live: iterate over signals and states of rigs, and the progress of campaigns.
 
         Parameters
         ----------
         rig : str
-            Of this rig only.
+            Name of the only rig to watch; all if not given.
         campaign : str
-            Of this campaign only; after its end the iterator ends. All, and without end, where not given.
+            Id of the only campaign to watch; the iterator ends with it. If not given: all, without end.
         kinds : sequence of Watched
-            What to listen to: signals, rig states, campaigns, endurance tests.
+            Kinds of events: signals, rig states, campaigns, endurance tests.
         timeout_seconds : float, optional
-            Longest silence; without limit where not given.
+            Longest silence; no limit if not given.
 
         Returns
         -------
         Watch
-            It listens from now on, until its `with` statement ends or `close` is called.
+            Iterator that listens until its `with` statement ends or `close` is called.
 
         Raises
         ------
         InputError
-            There is no such campaign, or something else is to be watched.
+            There is no such campaign, or a value of `kinds` is not allowed.
         """
         known = tuple(Watched)
         if isinstance(kinds, str) or not isinstance(kinds, Iterable) or any(kind not in known for kind in kinds):
@@ -409,9 +409,9 @@ class Lab:
         Parameters
         ----------
         campaign : Campaign, str or Path
-            A campaign, its file, or the name of one that comes with the package.
+            A campaign, its file, or the name of a campaign shipped with the package.
         out : str or Path, optional
-            Folder for `recording.mcap` and `live.rrd`; `<lab.out>/<name of the campaign>` where not given.
+            Folder for `recording.mcap` and `live.rrd`; `<lab.out>/<name of the campaign>` if not given.
         on_progress : callable, optional
             Called with every `RunProgress`, on this thread.
         timeout_seconds : float, optional
@@ -451,9 +451,9 @@ class Lab:
         timeout_seconds: float | None = None,
         cancel: threading.Event | None = None,
     ) -> str:
-        """Begin a campaign and return: make the target, hand it to the iterator, do not wait for its end.
+        """Begin a campaign and return: make the target and send it to the iterator; do not wait for the end.
 
-        The campaign continues without this script; `watch` follows it, `stop` ends it, `catalogue.fetch` brings its
+        The campaign continues without this script; `watch` follows it, `stop` ends it, `catalogue.fetch` copies its
         recording.
 
         Parameters
@@ -471,7 +471,7 @@ class Lab:
         InputError
             The campaign does not fit the rig, or a service refused a value.
         StoppedError, LabTimeoutError
-            `cancel` was set, or the time was over, while the target was made.
+            `cancel` was set, or `timeout_seconds` passed, while the target was made.
         LabError
             A service is missing or ended.
         """
@@ -489,30 +489,30 @@ class Lab:
         timeout_seconds: float | None = None,
         cancel: threading.Event | None = None,
     ) -> ProjectResult:
-        """Run the events of a project: one identification of each rig, each event from the nearest one's result.
+        """Run the events of a project: identify each rig once; start each event from the most similar event's result.
 
-        What `out` holds of the project already is not made again: an event that ended is read, one that was broken off
-        is resumed. Write a report, the drives of all events and their order file.
+        Existing results in `out` are used: an ended event is read, an interrupted one is resumed. Writes a report, the
+        drives of all events and their order file.
 
         Parameters
         ----------
         project : Project, str or Path
-            A project, its file, or the name of one that comes with the package.
+            A project, its file, or the name of a project shipped with the package.
         out : str or Path, optional
-            Folder with a folder for each event; `<lab.out>/<name of the project>` where not given.
+            Folder with a folder for each event; `<lab.out>/<name of the project>` if not given.
         on_progress : callable, optional
             Called with every `RunProgress`, one call at a time.
         on_event : callable, optional
-            Called with the `EventResult` of each event when it has one, one call at a time.
+            Called with the `EventResult` of each event when the event has ended, one call at a time.
         timeout_seconds : float, optional
-            Longest time from now to the end of the last event; then the one that runs is stopped, and its rig latched.
+            Longest time from now to the end of the last event; then the running event is stopped, and its rig latched.
         cancel : threading.Event, optional
             Set from another thread, it stops the project within about a second.
 
         Returns
         -------
         ProjectResult
-            Printed, it is a table with a row for each event, also for those that ended early.
+            Results of all events, also of those that ended early; prints as a table.
 
         Raises
         ------
@@ -551,32 +551,32 @@ class Lab:
     ) -> CampaignResult:
         """Continue a campaign that a crash interrupted, or resume an ended one; committed steps are not replayed.
 
-        An ended campaign, one whose recorder ended too, and other settings make a new campaign that names its parent.
+        A new campaign that names its parent is made if the campaign or its recorder ended, or if settings are given.
 
         Parameters
         ----------
         id : str or Path
-            The campaign, by the name of its recording; or the path of a recording, in a lab that this process started:
-            a copy of it is resumed, the file stays unchanged.
+            Name of the campaign's recording; or, in a lab that this process started, the path of a recording: a copy is
+            resumed, and the file stays unchanged.
         settings : str, Path, Campaign or PartialSettings, optional
-            A file with `update`, `stop` or both, whose keys replace the campaign's own; or a whole campaign,
-            whose sections `update` and `stop` do.
+            A file with `update`, `stop` or both, whose keys replace the campaign's; or a whole campaign, whose sections
+            `update` and `stop` replace the campaign's.
         from_iteration : int
-            The last playback to build on, from 1; 0 is the last there is.
+            Playback to continue from, from 1; 0 is the last playback.
         out, on_progress, timeout_seconds, cancel
             As for `run`.
         replace : bool
-            False refuses to continue where an output would replace an existing file.
+            Whether outputs may replace existing files.
 
         Returns
         -------
         CampaignResult
-            As from `run`.
+            Result, as from `run`.
 
         Raises
         ------
         InputError, CampaignFaultError, LabError
-            As `run` does.
+            As for `run`.
         """
         folder_of(out, usual=self.out)  # a wrong folder is an error before anything moves
         if not (settings is None or isinstance(settings, Campaign | PartialSettings)):
@@ -595,7 +595,7 @@ class Lab:
         )
 
     def _id_of(self, given: str | Path, *, out: str | Path | None) -> str:
-        """Return the id of the campaign to resume; a recording is copied to where the recorder finds it."""
+        """Return the id of the campaign to resume; a recording is copied into the recorder's folder."""
         path = recording_file(given)
         if path is None:
             return str(given)
@@ -612,14 +612,14 @@ class Lab:
         seed: int = 0,
         real_time: bool = False,
     ) -> EnduranceTest:
-        """Start an endurance test: every repeat of a schedule played, monitored and recorded; return at once.
+        """Start an endurance test, which plays, monitors and records every repeat of a schedule; return at once.
 
         Parameters
         ----------
         schedule : Schedule, str or Path
             A schedule or its file.
         id : str, optional
-            Name of the test, which must be new; that of the schedule, with a number where it exists, if left out.
+            Name of the test, which must be new; if not given the schedule's, with a number if that exists.
         seed : int
             Seed of the random parts of a simulated rig, 0 to 2^63 - 1.
         real_time : bool
@@ -628,16 +628,17 @@ class Lab:
         Returns
         -------
         EnduranceTest
-            It continues in the lab, also after this process ends.
+            Test, which continues in the lab also after this process ends.
 
         Raises
         ------
         InputError
-            The schedule, a drive or the rig does not fit, more damage than planned, or longer than the disk holds.
+            The schedule, a drive or the rig does not fit, the damage is more than planned, or the disk has too little
+            space for the test.
         BusyError, NotReadyError
             The rig is in use or latched.
         LabError
-            The lab has no sequencer, or a service is gone.
+            The lab has no sequencer, or a service left the bus.
         """
         plan = load_schedule(schedule) if isinstance(schedule, str | Path) else schedule
         return start_endurance(
@@ -651,7 +652,7 @@ class Lab:
         )
 
     def endurance(self, id: str) -> EnduranceTest:
-        """Return an endurance test of this lab: how far it is; to hold, decide, resume or stop it.
+        """Return an endurance test of this lab, to follow, hold, decide, resume or stop it.
 
         Parameters
         ----------
@@ -661,12 +662,12 @@ class Lab:
         Returns
         -------
         EnduranceTest
-            Asked when it is used.
+            Test; no request is sent before its first use.
         """
         return EnduranceTest(self._ask, id)
 
     def proposal(self, id: str) -> Proposal | None:
-        """Return what a campaign waits with at a hold point, with the drive and the predicted responses.
+        """Return the proposal of a campaign at a hold point, with the drive and the predicted responses.
 
         Parameters
         ----------
@@ -676,7 +677,7 @@ class Lab:
         Returns
         -------
         Proposal or None
-            None where the campaign waits for no decision.
+            None if the campaign waits for no decision.
 
         Raises
         ------
@@ -693,12 +694,12 @@ class Lab:
         id : str
             The campaign.
         playback : int
-            From 1, as `Proposal.follows` names it.
+            Number of the playback, from 1, as in `Proposal.follows`.
 
         Returns
         -------
         Signals or None
-            None where it is 0, or no samples of it are recorded.
+            None if `playback` is 0 or has no recorded samples.
 
         Raises
         ------
@@ -718,7 +719,7 @@ class Lab:
         settings: Mapping[str, Any] | PartialSettings | str | Path | None = None,
         from_iteration: int = 0,
     ) -> RunProgress:
-        """Decide on what a campaign proposes at a hold point; return when the decision is recorded.
+        """Decide on a campaign's proposal at a hold point; return when the decision is recorded.
 
         Parameters
         ----------
@@ -728,18 +729,18 @@ class Lab:
             "play" the drive; "change" settings and make it again; go "back" to an earlier playback and make it again;
             "end" the campaign.
         proposal : int
-            Number of the proposal that is decided on: a decision on another one, or a second one, is refused.
+            Number of the proposal; a decision on another proposal, or a second decision, is refused.
         name, reason : str
-            Who decides, up to 80 characters, and why, up to 1000; both are kept in the recording.
+            Name of the person who decides, up to 80 characters, and reason, up to 1000; both are recorded.
         settings : mapping, str or Path, optional
-            Of "change": `update`, `control_band` or both, each with the keys that change, or a YAML file of them.
+            For "change": `update`, `control_band` or both, each with the changed keys, or a YAML file with them.
         from_iteration : int
-            Of "back": the playback that the next drive is made from.
+            For "back": playback from which the next drive is made.
 
         Returns
         -------
         RunProgress
-            How far the campaign is.
+            Progress of the campaign.
 
         Raises
         ------
@@ -763,10 +764,10 @@ class Lab:
         )
 
     def stop(self, id: str, *, reason: str = "") -> RunProgress:
-        """Stop a campaign and return how far it got; one that has ended stays unchanged.
+        """Stop a campaign and return its progress; an ended campaign stays unchanged.
 
-        The rig ramps down where it plays, and is latched in every state, also between two playbacks. Where its run
-        cannot be stopped, the activity reports it.
+        A playing rig ramps down. The rig is latched in every state, also between two playbacks. If its run cannot be
+        stopped, the activity reports it.
 
         Parameters
         ----------
@@ -778,7 +779,7 @@ class Lab:
         Returns
         -------
         RunProgress
-            How far it got.
+            Progress at the stop.
 
         Raises
         ------

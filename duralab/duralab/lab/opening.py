@@ -1,4 +1,4 @@
-"""Opening a lab: one of one's own on this machine, or one that runs already."""
+"""Opening a lab: start a private lab on this machine, or join a running one."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from duralab.lab.lab import Lab
 
 DEFAULT_ENDPOINT: Final = "tcp/127.0.0.1:7474"
-"""Where `duralab up` listens, and `connect` looks, where nothing else is said."""
+"""Default endpoint on which `duralab up` listens, and to which `connect` connects."""
 
 SECURED: Final = "tls/"
 IDENTITY_VARIABLE: Final = "DURALAB_IDENTITY"
-"""Names the certificate to show a secured lab, where none is given."""
+"""Environment variable with the path of the certificate for a secured lab, if no `identity` is given."""
 
 FREE_ENDPOINT: Final = "tcp/127.0.0.1:0"
 DEFAULT_RIGS: Final = ("front_axle", "predecessor")
@@ -36,7 +36,7 @@ QUIET_SECONDS: Final = 0.4
 _POLL_SECONDS: Final = 0.05
 
 FIND_SECONDS: Final = 5.0
-"""A session knows everyone about a second after it opened; give it a few."""
+"""Longest time to find the services; a new session usually finds all in about one second."""
 
 
 @contextmanager
@@ -52,31 +52,31 @@ def start(
     trace_folder: str | Path | None = None,
     needs_later: Sequence[str] = (),
 ) -> Iterator[Lab]:
-    """Start a private lab on this machine: four service processes, ended with the `with` statement.
+    """Start a private lab on this machine: four service processes, which end with the `with` statement.
 
     Parameters
     ----------
     out : str or Path, optional
-        Folder for results and for `logs/<service>.log`; a temporary one, removed at the end, where not given.
-        While the lab is open, `recordings` in it is the recorder's folder. It is removed at the end, except where it
-        holds the recording of a campaign that failed, or that was not fetched: it is reported and kept.
+        Folder for results and for `logs/<service>.log`; a temporary one, removed at the end, if not given.
+        While the lab is open, its folder `recordings` is the recorder's. It is removed at the end, unless it
+        contains the recording of a campaign that failed or was not fetched: then it is reported and kept.
     listen : str
-        Endpoint on which others may connect; a free port of 127.0.0.1 where not given.
+        Endpoint for other processes; a free port of 127.0.0.1 if not given.
     recordings : str or Path, optional
-        The recorder's folder, which stays; the one in `out` where not given.
+        Recorder's folder, which is kept; the one in `out` if not given.
     rigs : sequence of str
-        The rigs to start.
+        Names of the rigs to start.
     viewer : str, optional
         Address of a running Rerun viewer.
     real_time : bool
-        Play every drive in real time, also if a request asks for less: a rehearsal of a real rig. The responses are the
-        same.
+        Whether to play every drive in real time, regardless of the request: a rehearsal of a real rig. The responses
+        are the same.
     endurance : bool
-        Start a sequencer as well, for `Lab.endure`.
+        Whether to start a sequencer as well, for `Lab.endure`.
     trace_folder : str or Path, optional
-        Existing folder in which each service writes what its time is spent on, for `duralab.profile.Profile`.
+        Existing folder for the time traces of the services, for `duralab.profile.Profile`.
     needs_later : sequence of str
-        Modules that the caller needs next: imported while the services start.
+        Modules that the caller needs next; they are imported while the services start.
 
     Yields
     ------
@@ -86,7 +86,7 @@ def start(
     Raises
     ------
     InputError
-        An argument is of another type, no rig is given, the port is in use, or a folder cannot be made.
+        An argument has the wrong type, no rig is given, the port is in use, or a folder cannot be made.
     LabError
         A service did not start.
     """
@@ -95,7 +95,7 @@ def start(
         require_text(viewer, field="viewer")
     require_path(out, of="a folder", field="out")
     require_path(recordings, of="a folder", field="recordings")
-    # A text is a sequence of texts as well, of one letter each.
+    # A string is also a sequence of strings: its letters.
     if isinstance(rigs, str) or not isinstance(rigs, Sequence) or not rigs:
         raise InputError(f"rigs is {rigs!r}; give the names of one rig or more, such as ('front_axle',).", field="rigs")
     for rig in rigs:
@@ -138,21 +138,21 @@ def connect(
     timeout_seconds: float = FIND_SECONDS,
     identity: str | Path | None = None,
 ) -> Iterator[Lab]:
-    """Join a lab that runs already, e.g. by `duralab up`.
+    """Join a running lab, e.g. one of `duralab up`.
 
     Parameters
     ----------
     endpoint : str, optional
-        Where it listens; left out, the one lab that `duralab up` keeps running on this machine, or where that is known
-        of none, `tcp/127.0.0.1:7474`.
+        Endpoint of the lab; if not given, the one lab of `duralab up` that runs on this machine, or without such a lab
+        `tcp/127.0.0.1:7474`.
     out : str or Path, optional
-        Folder for results; a temporary one, removed at the end, where not given.
+        Folder for results; a temporary one, removed at the end, if not given.
     timeout_seconds : float
-        Longest time to meet the services of the lab.
+        Longest time to find the services of the lab.
     identity : str or Path, optional
-        For an endpoint `tls/…` of a secured lab: path of one's certificate without its suffix,
-        `<folder>/<role>.<name>`, with `.crt` and `.key` and the lab's `ca.crt` beside; what DURALAB_IDENTITY says
-        where not given.
+        For an endpoint `tls/…` of a secured lab: path of your certificate without its suffix,
+        `<folder>/<role>.<name>`, with `.crt`, `.key` and the lab's `ca.crt` in the folder; the value of
+        DURALAB_IDENTITY if not given.
 
     Yields
     ------
@@ -162,10 +162,10 @@ def connect(
     Raises
     ------
     InputError
-        An argument is of another type, nothing listens there, several labs run here and none is named, or the lab
-        does not let this identity in.
+        An argument has the wrong type, no lab listens there, several labs run here and none is named, or the lab
+        refuses this identity.
     UnavailableError
-        A service of the lab is not on that bus.
+        A service of the lab is not on the bus.
     """
     if endpoint is not None:
         require_text(endpoint, field="endpoint")
@@ -199,19 +199,19 @@ def join_bus(endpoint: str, *, identity: str | Path | None = None) -> Bus:
             f"The lab at {endpoint} is secured; say who you are with {IDENTITY_VARIABLE}=<folder>/<role>.<name>, "
             "the path of your certificate without '.crt'."
         )
-    # All goes through the router, which knows who may do what.
+    # All traffic goes through the router, which enforces the access rights.
     return _open(mode=BusMode.CLIENT, connect=(endpoint,), tls=TlsConfig.of(shown))
 
 
 def _passing(stack: ExitStack, out: str | Path | None) -> Path | None:
-    """Return a folder for results that is deleted with `stack` where the user gave none."""
+    """Return a folder for results that is deleted with `stack`; None if the user gave a folder."""
     if out is not None:
         return None
     return Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True))) / "out"
 
 
 def _wait_until_all_are_known(bus: Bus) -> None:
-    """Wait until nobody new is heard of for a moment: how many rigs a lab has is written nowhere."""
+    """Wait until no new service appears for `QUIET_SECONDS`: the number of a lab's rigs is not known beforehand."""
     known, quiet_since = bus.live(), time.monotonic()
     deadline = quiet_since + FIND_SECONDS
     while time.monotonic() < min(deadline, quiet_since + QUIET_SECONDS):

@@ -1,4 +1,4 @@
-"""Playing one drive on a rig: the drive from a file or a script, its check, the motion, its stop, the latch."""
+"""Playback of one drive on a rig: read and check the drive, play it, stop and latch the rig."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def play_drive(
 
 
 def _checked_response(result: rig_pb2.PlayResult, rig: Rig, *, run: str, samples: int) -> Signals:
-    """Return what a rig answered; raises LabError where it is not the answer to what was asked."""
+    """Return the response of a rig; raises LabError if it does not match the request."""
     try:
         response = Signals.from_message(result.response, field="response")
     except ArrayError as error:
@@ -91,7 +91,7 @@ def _wrong_answer(rig: Rig, what: str, *, field: str) -> LabError:
 
 @contextmanager
 def halting(ask: LabClient, rig: str, deadline: Deadline) -> Iterator[None]:
-    """Stop a rig where the deadline with what moves it ends, so that it rests when the error arrives."""
+    """Stop a rig if the deadline ends its motion, so that it is at rest when the error is raised."""
     try:
         yield
     except (StoppedError, LabTimeoutError) as error:
@@ -101,9 +101,9 @@ def halting(ask: LabClient, rig: str, deadline: Deadline) -> Iterator[None]:
 
 
 def _halted(ask: LabClient, rig: str, reason: str) -> str:
-    """Stop a rig; return a sentence about what came of it."""
+    """Stop a rig and return a sentence about the result."""
     try:
-        # The rig ramps down as soon as it learns that nobody waits; the answer to a stop tells when it rests.
+        # The cancelled query already makes the rig ramp down; the answer to the stop arrives when it is at rest.
         state = stop_rig(ask, rig, reason=reason)
     except LabError as error:
         return f"It is not known whether the rig rests ({error.message.rstrip('.')}): look at it."
@@ -113,19 +113,19 @@ def _halted(ask: LabClient, rig: str, reason: str) -> str:
 
 
 def stop_rig(ask: LabClient, rig: str, *, reason: str) -> RigState:
-    """Ramp a rig down and latch it; return when it rests, or at once where its run cannot be stopped."""
+    """Ramp a rig down and latch it; return when it is at rest, or at once if its run cannot be stopped."""
     require_text(reason, field="reason")
     key = ask.key("rig", ask.bus.keys.rig_stop, rig)
     message = ask.query(key, rig_pb2.StopRequest(reason=reason), rig_pb2.RigState)
-    # The contract: only a rig that cannot be stopped answers before it rests.
+    # By the contract, only a rig whose run cannot be stopped answers before it is at rest.
     return RigState.from_message(message, goes_on=bool(message.run))
 
 
 def read_drive_file(path: Path, rig: Rig, *, units: Sequence[str] = ()) -> Signals:
-    """Read a drive from a file of any format that `duralab.formats` knows, in the rig's order and units.
+    """Read a drive from a file of any format of `duralab.formats`, in the rig's order and units.
 
-    Channels have the names of the rig's drives, in any order. `units`: one unit for all channels without one in the
-    file, or "<channel>=<unit>", which goes before what the file says of that channel.
+    Channels have the names of the rig's drives, in any order. `units`: One unit for all channels without a unit in the
+    file, or "<channel>=<unit>", which replaces the file's unit of that channel.
     """
     signals = read_signals(path)
     wanted = {channel.name: channel for channel in rig.drives}
@@ -152,7 +152,7 @@ def read_drive_file(path: Path, rig: Rig, *, units: Sequence[str] = ()) -> Signa
 
 
 def _with_units(given: Signals, units: Sequence[str], *, path: Path, rig: Rig) -> Signals:
-    """Return the channels with the units that a person states, none without one: a guess would move the rig wrongly."""
+    """Return the channels with the given units; refuse a missing unit, because a guess would move the rig wrongly."""
     named, plain = named_units(units)
     strangers = [name for name in named if name not in given.names]
     if strangers:
@@ -182,10 +182,10 @@ def _with_units(given: Signals, units: Sequence[str], *, path: Path, rig: Rig) -
 
 
 def drive_signals(drive: np.ndarray | xarray.DataArray | xarray.Dataset | Signals, rig: Rig) -> Signals:
-    """Return the drive with the rig's channels, in its order."""
+    """Return the drive with the rig's channels, in the rig's order."""
     if isinstance(drive, Signals):
         return _checked(_in_order(drive, rig))
-    # Not an import of xarray for who has none: only a dataset, or an array with names, is told by name.
+    # Detect datasets and arrays with channel names by their attributes: xarray is an optional import.
     if hasattr(drive, "data_vars") or "channel" in getattr(drive, "coords", ()):
         return _checked(_in_order(Signals.from_xarray(drive), rig))  # type: ignore[arg-type]
     samples = _real(drive)
@@ -217,7 +217,7 @@ def _in_order(signals: Signals, rig: Rig) -> Signals:
             field="drive.unit",
         )
     channels = [signals.channels[row] for row in rows]
-    # The rig's own words for a channel, unless it is in another unit: the rig refuses that.
+    # Use the rig's description of a channel, except for a channel in another unit, which the rig refuses.
     channels = (drive if one.unit == drive.unit else one for one, drive in zip(channels, rig.drives, strict=True))
     return replace(signals, channels=tuple(channels), samples=_real(signals.samples)[rows])
 

@@ -1,4 +1,4 @@
-"""The pre-test of a rig as a script asks for it."""
+"""Pre-test of a rig on a script's request."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def make_pre_test(
     )
 
     def report(progress: query_pb2.Progress) -> None:
-        # The sentence about a calibration stands in the detail.
+        # The detail contains the sentence about a calibration.
         activity = progress.detail if progress.phase == "checking" else progress.phase
         on_progress(RunProgress(Stage.PRE_TEST, activity, progress.fraction, progress.remaining_seconds))
 

@@ -1,4 +1,4 @@
-"""Following a campaign to its end: events as they come, and a question now and then in case one got lost."""
+"""Progress of a campaign until its end: events, and a query after a silence in case an event was lost."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from duralab.data import IterationTable, Proposal
 from duralab_proto.v1 import iterator_pb2
 
 POLL_SECONDS: Final = 1.0
-"""Silence after which the iterator is asked."""
+"""Silence after which the iterator is queried."""
 
 ENDED: Final = frozenset(
     {
@@ -39,19 +39,19 @@ class RunProgress:
     Parameters
     ----------
     stage : Stage
-        What it works on.
+        Stage of the run.
     activity : str
-        What is done now, as text.
+        Present activity as text.
     fraction : float
-        Share of the stage that is done, 0 to 1.
+        Completed share of the stage, 0 to 1.
     remaining_seconds : float
-        Expected time to the stage's end; negative where unknown.
+        Expected time to the stage's end; negative if unknown.
     iterations : IterationTable or None
-        The figures of the playbacks done; None before the first.
+        Numbers of the completed playbacks; None before the first.
     hold : Proposal or None
-        What the campaign waits with for a decision, without samples; None where it does not wait.
+        Proposal on which the campaign waits for a decision, without samples; None if it does not wait.
     campaign : str
-        Id of the campaign; empty where it is not a campaign's.
+        Id of the campaign; empty for other runs.
     """
 
     stage: Stage
@@ -72,7 +72,7 @@ OnProgress = Callable[[RunProgress], None]
 
 
 def progress_of(status: iterator_pb2.CampaignStatus) -> RunProgress:
-    """Return how far a campaign is."""
+    """Return the progress of a campaign."""
     return RunProgress(
         stage=Stage.CAMPAIGN,
         activity=status.activity,

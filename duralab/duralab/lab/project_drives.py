@@ -1,4 +1,4 @@
-"""Drive files of a project's events: one each, all of them joined by blends, and the order file that names them."""
+"""Drive files of a project: one per event, one of all events joined by blends, and the order file."""
 
 from __future__ import annotations
 
@@ -19,14 +19,15 @@ from duralab.lab.project_result import EventResult
 from duralab.output_files import replace_when_complete
 
 _BLEND_SECONDS: Final = 0.5
-"""From the last sample of a drive to the first of the next, in the file of all events."""
+"""Duration of the blend between two drives in the file of all events."""
 
 
 def write_drives(project: Project, results: Sequence[EventResult], folder: Path) -> Path | None:
-    """Write the best drive of every event that reached its target, by rigs; return the order file of the first rig.
+    """Write the best drive of each event that reached its target, per rig; return the order file of the first rig.
 
-    `folder`: Holds a folder for each rig. In it `<event>.drv`; `<project>.seq` with a line for each event, in the order
-    of the project file: repeats, seconds, file; and `<project>.drv` with each event once, joined by blends.
+    `folder`: Output folder, with a folder for each rig. Its files: `<event>.drv`; `<project>.seq` with a line for each
+    event, in the order of the project file: repeats, seconds, file; `<project>.drv` with each event once, joined by
+    blends.
     """
     order_files = []
     by_name = {result.event.name: result for result in results}
@@ -58,7 +59,7 @@ def write_drives(project: Project, results: Sequence[EventResult], folder: Path)
 
 
 def blended(drives: Sequence[NDArray[np.float64]], sample_rate: float) -> NDArray[np.float64]:
-    """Return drives one after the other, raised cosines between the last sample of each and the first of the next."""
+    """Join drives by raised cosines from the last sample of each to the first of the next."""
     count = round(_BLEND_SECONDS * sample_rate)
     rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(1, count + 1) / (count + 1))
     parts = [drives[0]]

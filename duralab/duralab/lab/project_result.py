@@ -21,13 +21,13 @@ class EventResult:
     Parameters
     ----------
     event : Event
-        As the project states it.
+        Event of the project.
     result : CampaignResult or None
-        Of its campaign; None where that ended early.
+        Result of its campaign; None if the campaign ended early.
     started_from : str
-        The event whose playbacks and model it started from; empty for the first on its rig.
+        Name of the event whose playbacks and model it started from; empty for the first on its rig.
     error : str
-        Why there is no result; empty where there is one.
+        Reason why there is no result; empty if there is one.
     """
 
     event: Event
@@ -37,12 +37,12 @@ class EventResult:
 
     @property
     def reached(self) -> bool:
-        """Whether its best playback is within every limit."""
+        """Whether the event's best playback is within all limits."""
         return self.result is not None and self.result.verdict.judgement is Judgement.REACHED
 
     @property
     def row(self) -> tuple[str, ...]:
-        """Its row of the table."""
+        """Row of the event in the table."""
         about = (self.event.name, self.event.campaign.rig, self.started_from or "–")
         if self.result is None:
             return (*about, "–", "–", "–", "–", "ended early")
@@ -54,16 +54,16 @@ class EventResult:
 
 @dataclass(frozen=True, eq=False)
 class ProjectResult:
-    """A project that was run; `print` shows its table.
+    """Result of a project; `print` shows its table.
 
     Parameters
     ----------
     name : str
-        Of the project.
+        Name of the project.
     events : tuple of EventResult
-        In the order in which they were made, rig by rig.
+        Results in the order in which they were made, rig by rig.
     report_path, order_path : Path or None
-        The report, and the order file of the exported drives; None where no event has a drive.
+        Report, and order file of the exported drives; None if no event has a drive.
     """
 
     name: str
@@ -78,7 +78,7 @@ class ProjectResult:
 
     @property
     def playbacks(self) -> int:
-        """Playbacks of all events."""
+        """Number of playbacks of all events."""
         return sum(len(event.result.iterations) for event in self.events if event.result is not None)
 
     @property
@@ -94,7 +94,7 @@ class ProjectResult:
         return _COLUMNS, [event.row for event in self.events]
 
     def document(self) -> dict[str, object]:
-        """Return what it came to, for `--json`."""
+        """Return the result as a document for `--json`."""
         return {
             "project": self.name,
             "reached": self.reached,
@@ -117,7 +117,7 @@ class ProjectResult:
         }
 
     def __repr__(self) -> str:
-        """Return it on one line."""
+        """Return the result as one line."""
         return f"ProjectResult({self.sentence})"
 
     def __str__(self) -> str:

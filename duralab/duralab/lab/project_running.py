@@ -1,4 +1,4 @@
-"""Projects: the campaigns of many events, each from the nearest one's model, playbacks and drive, resumable."""
+"""Projects: campaigns of many events; each starts from the most similar ones' results, and can be resumed."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from duralab_proto.arrays import from_record
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 
 _LEARN_FROM: Final = 3
-"""Events whose playbacks another learns from; more say little beside the nearest ones, and cost as much each."""
+"""Number of events whose playbacks another event learns from; further ones add little and cost the same each."""
 
 OnEvent = Callable[[EventResult], None]
 
@@ -57,7 +57,7 @@ def run_project(
     deadline: Deadline,
     on_event: OnEvent,
 ) -> ProjectResult:
-    """Run every event of a project that `folder` holds no result of; see `Lab.run_project`."""
+    """Run every event of a project without a result in `folder`; see `Lab.run_project`."""
     lock, halt = threading.Lock(), deadline.cancel or threading.Event()
 
     def report_in_turn(progress: RunProgress) -> None:
@@ -69,7 +69,7 @@ def run_project(
             on_event(result)
 
     run = _Run(lab, project, folder, report_in_turn, replace(deadline, cancel=halt), on_event_in_turn)
-    # What was made with other settings is refused before anything moves.
+    # Results with other settings are refused before anything moves.
     for event in project.events:
         _finished(run, event)
     targets = {event.name: _target(run, event) for event in project.events}
@@ -100,14 +100,14 @@ def _run_rig(run: _Run, rig: str, targets: dict[str, MadeTarget]) -> list[EventR
         plan = _from_nearest(
             event.campaign,
             [done[each] for each in near],
-            # The same recording whatever is nearest: one identification of each rig.
+            # The model always comes from the rig's first event: one identification of each rig.
             first=next(iter(done.values()), None),
             explained=float(alike.explained[near[-1], number]) if near else 0.0,
             target=target,
         )
         result = _of_event(run, event, plan, target, started_from=events[near[-1]].name if near else "")
         results.append(result)
-        # One that missed its target has learned the rig where it does not do what was wanted.
+        # An event that missed its target has data of the rig away from the wanted responses, so it is no start.
         if result.result is not None and result.reached:
             done[number] = result.result
         run.on_event(result)
@@ -115,7 +115,7 @@ def _run_rig(run: _Run, rig: str, targets: dict[str, MadeTarget]) -> list[EventR
 
 
 def _of_event(run: _Run, event: Event, plan: Campaign, target: MadeTarget, *, started_from: str) -> EventResult:
-    """Run, resume or read what an event came to; what ends the whole lab is raised."""
+    """Run, resume or read an event and return its result; raise errors that end the whole lab."""
     folder = run.folder_of(event)
     try:
         result = _finished(run, event) or _resumed(run, event)
@@ -143,7 +143,7 @@ def _of_event(run: _Run, event: Event, plan: Campaign, target: MadeTarget, *, st
 def _from_nearest(
     plan: Campaign, near: list[CampaignResult], *, first: CampaignResult | None, explained: float, target: MadeTarget
 ) -> Campaign:
-    """Return the campaign of an event with what the nearest ones left, the nearest last; as it is for the first."""
+    """Return an event's campaign that starts from the nearest results, the nearest last; unchanged for the first."""
     if first is None:
         return plan
     before, closest = plan.start_from or StartFrom(), near[-1]
@@ -159,7 +159,7 @@ def _from_nearest(
 def _likeness(events: list[Event], targets: dict[str, MadeTarget]) -> Likeness:
     bands = [event.campaign.control_band for event in events]
     signals = [targets[event.name].edited.signals for event in events]
-    # Where bands differ: in what all have in common, or in the first event's where that is nothing.
+    # If bands differ, compare in their common part, or without a common part in the first event's band.
     lowest, highest = max(band.lowest_frequency for band in bands), min(band.highest_frequency for band in bands)
     if not lowest < highest:
         lowest, highest = bands[0].lowest_frequency, bands[0].highest_frequency
@@ -173,7 +173,7 @@ def _target(run: _Run, event: Event) -> MadeTarget:
 
 
 def _finished(run: _Run, event: Event) -> CampaignResult | None:
-    """Return the result of an event that ended before, with its recording where the lab's recorder finds it."""
+    """Return the result of an event that ended before, and copy its recording to the lab's recorder."""
     path = run.folder_of(event) / OUTPUTS[0]
     if not path.is_file():
         return None
@@ -187,7 +187,7 @@ def _finished(run: _Run, event: Event) -> CampaignResult | None:
 
 
 def _resumed(run: _Run, event: Event) -> CampaignResult | None:
-    """Resume or fetch what the recorder, or one that was killed, holds of an event; None where there is nothing."""
+    """Resume or fetch an event's recording of this recorder, or of a killed one; None if there is no recording."""
     ask, place, id = run.lab.ask, run.lab.place, event.campaign.name
     if place.folder is not None and place.file(id) is None:
         left = [path for path in run.folder.glob(f"{RECORDINGS}*/{id}.mcap") if path.parent != place.folder]

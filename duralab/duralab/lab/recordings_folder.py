@@ -1,4 +1,4 @@
-"""Recordings folder of a lab: that of a private lab is deleted only when each recording was fetched."""
+"""Recordings folder of a lab; a private lab's folder is deleted only if each recording was fetched."""
 
 from __future__ import annotations
 
@@ -22,40 +22,40 @@ if TYPE_CHECKING:
     from duralab.recording import Recording
 
 RECORDINGS: Final = "recordings"
-"""In the folder of the results: where a lab of one's own records."""
+"""Name of a private lab's recordings folder, in the folder of its results."""
 
 
 @dataclass(eq=False)
 class RecordingsPlace:
-    """Folder in which the recorder of a lab writes, as far as this process knows.
+    """Output folder of a lab's recorder, if this process knows it.
 
-    `folder`: The recorder's; None where it is not known, or deleted at the end whatever is in it. `passing`: A folder
-    that is deleted at the end of the lab: nothing in it is safe. `goes_on`: Whether the recorder outlives this session.
+    `folder`: Recorder's folder; None if it is unknown, or always deleted at the end. `passing`: Folder that is deleted
+    at the end of the lab with all its files. `goes_on`: Whether the recorder outlives this session.
     """
 
     folder: Path | None = None
     passing: Path | None = None
     goes_on: bool = False
     fetched: set[str] = field(default_factory=set)
-    """Campaigns whose whole recording is where its user wants it."""
+    """Ids of campaigns whose whole recording was fetched to the user's folder."""
     copies: set[str] = field(default_factory=set)
-    """Campaigns whose recording is an unchanged copy."""
+    """Ids of campaigns whose recording is an unchanged copy."""
     _said: dict[str, str] = field(default_factory=dict)
-    """Sentence about the recording of each campaign."""
+    """Sentence about the recording's place, by campaign id."""
 
     def file(self, id: str) -> Path | None:
-        """Return the first file of a recording where the recorder wrote it; None where there is none."""
+        """Return the first file of a recording in the recorder's folder; None if there is none."""
         path = None if self.folder is None else self.folder / f"{id}.mcap"
         return path if path is not None and path.is_file() else None
 
     def outlives(self, path: Path) -> bool:
-        """Return whether a file of this path is there when the lab has ended."""
+        """Return whether a file at this path is kept after the lab has ended."""
         return self.passing is None or not path.is_relative_to(self.passing)
 
     def copy_in(self, recording: Recording) -> None:
-        """Copy a recording into the recorder's folder, under the names that the recorder gives its files.
+        """Copy a recording into the recorder's folder, with the recorder's file names.
 
-        A copy and no link: the recorder repairs a file that was never finished, and the given one stays unchanged.
+        It is a copy, not a link: the recorder repairs unfinished files, and the given file must stay unchanged.
         """
         id = recording.specification.id
         if self.folder is None:
@@ -70,19 +70,19 @@ class RecordingsPlace:
             )
         self.copies.add(id)
         first = self.folder / f"{check_id(id)}.mcap"
-        # The first file last: with it the recorder knows the recording.
+        # The first file is copied last: the recorder detects the recording by it.
         for number, file in reversed([*enumerate(recording.files, start=1)]):
             with replace_when_complete(part_path(first, number)) as temporary:
                 shutil.copyfile(file, temporary)
 
     def expect_change(self, id: str) -> bool:
-        """Note that a campaign is about to continue in its recording; return whether that was an unchanged copy."""
+        """Note that a campaign will continue in its recording; return whether that was an unchanged copy."""
         is_copy = id in self.copies
         self.copies.discard(id)
         return is_copy
 
     def say(self, id: str, sentence: str) -> str:
-        """Return the sentence about where a recording is, noted for whoever ends the lab with another error."""
+        """Store the sentence about a recording's place, for later errors that end the lab; return it."""
         self._said[id] = sentence
         return sentence
 
@@ -92,23 +92,23 @@ class RecordingsPlace:
         return {re.sub(r"\.part\d+$", "", path.stem) for path in files} - self.fetched - self.copies
 
     def add_notes(self, error: BaseException) -> None:
-        """Add to an error what was said of recordings, and where those are of which nothing was said."""
+        """Add the places of recordings to an error: stored sentences, and unreported recordings."""
         message = "\n".join([str(error), *getattr(error, "__notes__", ())])
         for sentence in (*self._said.values(), *self.unsaid()):
             if sentence not in message:
                 error.add_note(sentence)
 
     def unsaid(self) -> list[str]:
-        """Return where those recordings are of which nothing was said."""
+        """Return a sentence with the place of each unreported recording."""
         return [f"The recording {id!r} is in {self.file(id)}." for id in sorted(self.left() - self._said.keys())]
 
 
 @contextmanager
 def own_recordings(out: Path | None) -> Iterator[RecordingsPlace]:
-    """Give a new folder for the recordings of a private lab; use it around the life of its services.
+    """Yield a new folder for the recordings of a private lab; the services must end inside the block.
 
-    It lies in the folder of the results `out`, or in a temporary one, and is deleted only when each recording in it was
-    fetched whole: however a campaign ends, what was committed stays there.
+    The folder is in the results folder `out`, or in a temporary one. It is deleted only if each recording in it was
+    fetched whole: committed steps are kept, regardless of how a campaign ends.
     """
     parent = Path(tempfile.mkdtemp(prefix="duralab-")) if out is None else out
     folder = _new_folder(parent)
@@ -116,7 +116,7 @@ def own_recordings(out: Path | None) -> Iterator[RecordingsPlace]:
     try:
         yield place
         if out is None and (sentences := place.unsaid()):
-            # Nobody looks for them there.
+            # The user does not know the temporary folder.
             warnings.warn(" ".join(sentences), stacklevel=2)
     except BaseException as error:
         place.add_notes(error)
@@ -131,7 +131,7 @@ def own_recordings(out: Path | None) -> Iterator[RecordingsPlace]:
 
 
 def _new_folder(parent: Path) -> Path:
-    """Make a folder of a free name: what an earlier lab left is neither gone on with nor in the way."""
+    """Make a folder with a free name, so that recordings of an earlier lab are neither continued nor overwritten."""
     for number in count(1):
         folder = parent / (RECORDINGS if number == 1 else f"{RECORDINGS}-{number}")
         try:

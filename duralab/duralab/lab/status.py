@@ -19,7 +19,7 @@ from duralab_proto.keys import MAIN_INSTANCE
 from duralab_proto.v1 import health_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 
 SILENCE_SECONDS: Final = 3.0
-"""A service that gives no sign of life for so long is reported as silent."""
+"""Time without a sign of life after which a service is reported as silent."""
 
 MessageT = TypeVar("MessageT", bound=Message)
 
@@ -31,7 +31,7 @@ _KINDS: Final = {
 
 @dataclass(frozen=True)
 class Figure:
-    """One figure of a service in SI units; its name and labels, e.g. {"rig": "front_axle"}, are those of Prometheus."""
+    """Metric of a service in SI units; its name and labels, e.g. {"rig": "front_axle"}, are those of Prometheus."""
 
     name: str
     what: str
@@ -42,10 +42,10 @@ class Figure:
 
 @dataclass(frozen=True)
 class ServiceHealth:
-    """Health of one instance of a service: of a rig's name, or "main".
+    """Health of one instance of a service; the instance is a rig's name, or "main".
 
-    `up_seconds`: Time of its process on the bus; not a number where it does not tell. `figures`: Rigs of one process
-    tell the same. `trouble`: Why it does not tell, in one sentence; empty where it does.
+    `up_seconds`: Time of its process on the bus; NaN if not reported. `figures`: Metrics; rigs of one process report
+    the same. `trouble`: Reason why there is no report, in one sentence; empty if there is one.
     """
 
     service: str
@@ -55,7 +55,7 @@ class ServiceHealth:
     trouble: str = ""
 
     def value(self, name: str, **labels: str) -> float | None:
-        """Return the sum of a figure's values over those with these labels; None where it does not tell of it."""
+        """Return the sum of a metric's values with these labels; None if the service does not report it."""
         found = [
             figure.value
             for figure in self.figures
@@ -65,7 +65,7 @@ class ServiceHealth:
 
 
 def health_of(bus: Bus) -> list[ServiceHealth]:
-    """Ask everybody on the bus how they are."""
+    """Return the health of all services on the bus."""
     return [_asked(bus, service, instance) for service, instance in sorted(bus.discover())]
 
 
@@ -95,15 +95,15 @@ def _asked(bus: Bus, service: str, instance: str) -> ServiceHealth:
 
 
 SERVICES: Final = ("rig_sim", "identifier", "iterator", "recorder")
-"""What a whole lab has; of the first, one instance for each rig."""
+"""Services of a complete lab; of the first, one instance for each rig."""
 
 
 @dataclass(frozen=True)
 class CampaignUnderWay:
-    """A campaign that has not ended.
+    """Status of a campaign that has not ended.
 
-    `error`: Overall one of its last playback, None before the first. `proposal`: Number of the proposal that it waits
-    with for a decision; 0 where it does not wait.
+    `error`: Overall error of its last playback, None before the first. `proposal`: Number of the proposal that waits
+    for a decision; 0 if the campaign does not wait.
     """
 
     id: str
@@ -120,8 +120,8 @@ class CampaignUnderWay:
 class RecorderStatus:
     """Content of a recorder; `free_bytes` is None if its disk belongs to another machine.
 
-    `missing_blocks`: Signal blocks that it knows of and does not hold yet; of an ended run, what is lost. `waiting`:
-    Why it cannot write now; empty where it can.
+    `missing_blocks`: Number of signal blocks that were sent but not yet received; of an ended run, lost blocks.
+    `waiting`: Reason why the recorder cannot write now; empty if it can.
     """
 
     recordings: int
@@ -134,7 +134,7 @@ class RecorderStatus:
 
 @dataclass(frozen=True)
 class LabStatus:
-    """State of a lab; `missing` names the services that do not run, and without a recorder `recorder` is None."""
+    """State of a lab; `missing` names the services that do not run, and `recorder` is None without a recorder."""
 
     missing: tuple[str, ...]
     services: tuple[ServiceHealth, ...]
@@ -144,12 +144,12 @@ class LabStatus:
 
     @property
     def whole(self) -> bool:
-        """Whether every service is there and the recorder can write."""
+        """Whether all services run and the recorder can write."""
         return not self.missing and (self.recorder is None or not self.recorder.waiting)
 
 
 def lab_status(bus: Bus, *, recordings: Path | None = None) -> LabStatus:
-    """Ask everyone of a lab how they are; `recordings` is the recorder's folder, where it is on this machine."""
+    """Query all services of a lab and return its state; `recordings` is the recorder's folder, if on this machine."""
     live = bus.discover()
     there = {service for service, _ in live}
     rigs = sorted(instance for service, instance in live if service == "rig_sim")
@@ -166,7 +166,7 @@ def lab_status(bus: Bus, *, recordings: Path | None = None) -> LabStatus:
 def _rig(bus: Bus, name: str) -> RigState:
     try:
         state = _ask(bus, bus.keys.rig_state(name), rig_pb2.StateRequest(), rig_pb2.RigState)
-        # Latched and not at rest: either on its way down, or on its way to the end of a run that cannot be stopped.
+        # A latched rig that is not at rest either ramps down, or plays a run that cannot be stopped to its end.
         goes_on = bool(state.mode == rig_pb2.RIG_MODE_INTERLOCKED and state.run)
         if goes_on:
             key, request = bus.keys.rig_description(name), rig_pb2.DescriptionRequest()
@@ -193,7 +193,7 @@ def _campaigns(bus: Bus, held: list[recorder_pb2.RecordingInfo]) -> tuple[Campai
     for information in held:
         if information.closed:
             continue
-        # The iterator knows no recording that was broken off before it began; that one waits for `duralab resume`.
+        # The iterator has no campaign for a recording interrupted before its start; it waits for `duralab resume`.
         with suppress(FaultError):
             key = bus.keys.campaign(information.recording)
             status = _ask(bus, key, iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)

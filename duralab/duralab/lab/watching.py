@@ -1,4 +1,4 @@
-"""Watching a lab live: what its rigs play, what they do, how far campaigns and endurance tests are, as one iterator."""
+"""Live view of a lab as one iterator: signals and states of rigs, progress of campaigns and endurance tests."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from duralab_proto.keys import ANY, rig_of
 from duralab_proto.v1 import iterator_pb2, rig_pb2, sequencer_pb2
 
 MOST_WAITING: Final = 4096
-"""Events that wait for a slow script; of more the oldest are dropped, and counted."""
+"""Maximum number of events that wait for a slow script; beyond it the oldest are dropped and counted."""
 
 
 class Watched(StrEnum):
@@ -37,18 +37,18 @@ class Watched(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class SignalsEvent:
-    """A block of the signals that a rig plays, of at most `block_samples` samples.
+    """Block of the signals that a rig plays, of at most `block_samples` samples.
 
     Parameters
     ----------
     rig, run : str
-        Who plays what.
+        Names of the rig and of its run.
     first_sample : int
-        Index of the first sample within the run; more than expected where a piece was lost on the way.
+        Index of the first sample within the run; larger than expected if a block was lost.
     drive, response : Signals
-        As commanded and measured.
+        Commanded and measured signals.
     last : bool
-        Whether the run ends with it.
+        Whether this is the last block of the run.
     """
 
     rig: str
@@ -66,7 +66,7 @@ class RigEvent:
     Parameters
     ----------
     state : RigState
-        Of the rig, with its name.
+        State of the rig, with its name.
     """
 
     state: RigState
@@ -74,16 +74,16 @@ class RigEvent:
 
 @dataclass(frozen=True)
 class CampaignEvent:
-    """A campaign came a step further, or says that it lives.
+    """Progress of a campaign, or its sign of life.
 
     Parameters
     ----------
     id : str
-        The campaign.
+        Id of the campaign.
     progress : RunProgress
-        How far it is.
+        Progress of the campaign.
     ended : bool
-        Whether it is over.
+        Whether the campaign has ended.
     """
 
     id: str
@@ -93,12 +93,12 @@ class CampaignEvent:
 
 @dataclass(frozen=True)
 class EnduranceEvent:
-    """An endurance test came a step further, or says that it lives.
+    """Progress of an endurance test, or its sign of life.
 
     Parameters
     ----------
     progress : EnduranceProgress
-        How far it is, with its name and rig.
+        Progress, with the test's name and rig.
     """
 
     progress: EnduranceProgress
@@ -108,10 +108,10 @@ LabEvent = SignalsEvent | RigEvent | CampaignEvent | EnduranceEvent
 
 
 class Watch(Iterator[LabEvent]):
-    """Live events of a lab; made by `Lab.watch`. Listens from its making to `close`, or the end of `with`.
+    """Live events of a lab; made by `Lab.watch`. Listens until `close`, or the end of `with`.
 
-    Live means: what a broken link lost is not fetched again; the recording has it. A script that is slower than the
-    lab gets the newest events, and `dropped` shows how many it did not get.
+    Events lost by a broken link are not fetched again; the recording has them. A script that is slower than the lab
+    gets the newest events, and `dropped` is the number of those it did not get.
     """
 
     def __init__(
@@ -144,14 +144,14 @@ class Watch(Iterator[LabEvent]):
                 stack.callback(listen(key, iterator_pb2.CampaignEvent, self._put).close)
                 if campaign != ANY:
                     self._put(self._asked())
-            # One campaign is no endurance test.
+            # A campaign was chosen, so endurance tests are not watched.
             if Watched.ENDURANCE_TESTS in kinds and campaign == ANY:
                 stack.callback(listen(keys.endurance_event(ANY), sequencer_pb2.EnduranceEvent, self._put).close)
             self._subscriptions = stack.pop_all()
         self._polls = Watched.CAMPAIGNS in kinds and campaign != ANY
 
     def close(self) -> None:
-        """Listen no more; a `next` that waits ends."""
+        """Stop listening; a waiting `next` ends."""
         with self._changed:
             if self._closed:
                 return
@@ -179,7 +179,7 @@ class Watch(Iterator[LabEvent]):
             if (ended := self._ask.failure()) is not None:
                 raise ended
             if self._polls and (status := self._asked()).phase in ENDED:
-                # Its last event got lost.
+                # The campaign's last event was lost.
                 return self._event(status)
 
     def _asked(self) -> iterator_pb2.CampaignStatus:
@@ -229,9 +229,9 @@ class Watch(Iterator[LabEvent]):
         )
 
     def __enter__(self) -> Self:
-        """Listen already."""
+        """Return the watch, which already listens."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Listen no more."""
+        """Stop listening."""
         self.close()

@@ -1,4 +1,4 @@
-"""Processes on this machine: the services of a lab, the viewer, and the notes of running labs."""
+"""Processes on this machine: services of a lab, the viewer, and notes of running labs."""
 
 from __future__ import annotations
 

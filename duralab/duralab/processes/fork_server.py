@@ -1,8 +1,8 @@
-"""Process that starts services by a fork of itself: what all of them import is imported once.
+"""Process that starts services by forking itself, so that common imports are made once.
 
-`python -m duralab.processes.fork_server SOCKET`: reads requests from an inherited socket of packets, answers each with
-a process id or an error number, and tells the exit code of each service when it ends. It ends with the socket. A fork
-is safe here because this process has one thread: what starts more is no part of what a service imports at its start.
+`python -m duralab.processes.fork_server SOCKET`: reads requests from an inherited packet socket, answers each with a
+process id or an error number, and reports the exit code of each service when it ends. It ends with the socket. A fork
+is safe here because this process has one thread: a service's imports at its start do not start threads.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from typing import Any, Final, NoReturn
 LARGEST_PACKET: Final = 65_536
 
 _SHARED: Final = ("duralab_bus", "duralab_settings", "duralab_gateway", "duralab_loads", "duralab_spectra")
-"""What most services import at their start."""
+"""Modules that most services import at their start."""
 
 _SIMULATOR: Final = "rig_sim"
 _DEAREST: Final = (_SIMULATOR, "recorder")
-"""Services whose imports take longest: made while nobody has asked for a service."""
+"""Services with the slowest imports; these are made before the first request."""
 
 _MATHEMATICS: Final = ("duralab_drive_map", "scipy.ndimage", "scipy.special")
-"""What the services share that do mathematics: imported while the simulator, which needs none of it, loads its rigs."""
+"""Modules of the services that do mathematics: imported while the simulator, which needs none, loads its rigs."""
 
 if sys.platform != "win32":  # which has no fork
     from setproctitle import setproctitle, setthreadtitle
@@ -42,7 +42,7 @@ if sys.platform != "win32":  # which has no fork
         channel.setblocking(False)
         for name in _SHARED:
             importlib.import_module(name)
-        # What was imported stays; a collection in a service would copy the pages of all of it.
+        # Exclude the imported objects from garbage collection, which would copy their memory pages in each service.
         gc.collect()
         gc.freeze()
         children_end, on_child = socket.socketpair()
@@ -60,7 +60,7 @@ if sys.platform != "win32":  # which has no fork
                 if ahead and not ready:
                     _import_service(ahead.pop(0))
                     continue
-                # From the first service on, the processor is for them.
+                # After the first request, leave the processor to the services.
                 ahead.clear()
                 if channel in ready and not _answer(channel, started, inherited=(channel, children_end, on_child)):
                     return
@@ -69,7 +69,7 @@ if sys.platform != "win32":  # which has no fork
                     _tell_ended(channel)
 
     def _answer(channel: socket.socket, started: set[str], *, inherited: tuple[socket.socket, ...]) -> bool:
-        """Start one service; False where the socket was closed."""
+        """Start one service; return False if the socket was closed."""
         packet, ends, _, _ = socket.recv_fds(channel, LARGEST_PACKET, 1)
         if not packet:
             return False
@@ -94,10 +94,10 @@ if sys.platform != "win32":  # which has no fork
         return True
 
     def _import_service(name: str) -> None:
-        """Import a service where it is installed, so that those forked from now on find it imported."""
+        """Import a service if it is installed, so that later forks have it imported."""
         module = f"{name}.service"
         package = find_spec(name)
-        # To look for a module in a package imports the package, so only a service of a lab's form is looked at.
+        # `find_spec` of a submodule imports the package, so skip names that are not packages.
         if package is None or not package.submodule_search_locations:
             return
         if module not in sys.modules and find_spec(module) is not None:
@@ -142,14 +142,14 @@ if sys.platform != "win32":  # which has no fork
             os.chdir(request["folder"])
             sys.path[0] = request["folder"]
             sys.argv = [request["name"], "--config", request["config"]]
-            # As the list of processes would show it without a fork.
+            # Same title in the process list as without a fork.
             setproctitle(f"{sys.executable} -m {' '.join(sys.argv)}")
             setthreadtitle(request["name"])
             runpy.run_module(request["name"], run_name="__main__", alter_sys=True)
             code = 0
         except SystemExit as ended:
             code = _exit_code(ended)
-        except BaseException:  # noqa: BLE001 - the end of a process: whatever it was is said in its log
+        except BaseException:  # noqa: BLE001 - the process ends: any error is written to its log
             traceback.print_exc()
         sys.stdout.flush()
         sys.stderr.flush()

@@ -1,7 +1,7 @@
 """Notes of the labs that `duralab up` runs for this user on this machine, one file each.
 
-A note is believed only while the process that wrote it runs: its id and the moment it began must both fit, so that no
-other process that got the same id later is taken for a lab.
+A note is valid only while its writer runs: the process id and the start time must both match, so that a later process
+with the same id is not taken for a lab.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ import psutil
 from duralab.errors import InputError, LabError
 
 END_SECONDS: Final = 30.0
-"""Longest time for a lab to end; its services take some seconds where a rig ramps down."""
+"""Longest time for a lab to end; its services take some seconds if a rig ramps down."""
 
 _BEGAN_WITHIN: Final = 0.5
-"""Two readings of when a process began differ by less, in seconds."""
+"""Tolerance of a process's start time, in seconds; two readings differ by less."""
 
 _SUFFIX: Final = ".json"
 
 
 @dataclass(frozen=True)
 class RunningLab:
-    """A lab that `duralab up` keeps running in a process that began at a time, in seconds since 1970 UTC, on a host."""
+    """Lab of a running `duralab up`; `process_began` is the start of its process, in seconds since 1970 UTC."""
 
     endpoint: str
     process_id: int
@@ -41,10 +41,10 @@ class RunningLab:
     services: dict[str, int]
 
     def runs(self) -> bool:
-        """Return whether the process that wrote the note is still there."""
+        """Return whether the process that wrote the note still runs."""
         try:
             process = psutil.Process(self.process_id)
-            # One that has ended and whose parent has not asked how keeps its id.
+            # An ended process keeps its id until its parent reads its exit code.
             ended = process.status() == psutil.STATUS_ZOMBIE
             began = process.create_time()
         except psutil.Error:
@@ -53,20 +53,20 @@ class RunningLab:
 
 
 def notes_folder() -> Path:
-    """Return where the notes are: in the user's own folder for the state of programs."""
+    """Return the folder of the notes, in the user's state folder."""
     if sys.platform == "win32":
         given = os.environ.get("LOCALAPPDATA")
         base = Path(given) if given else Path.home() / "AppData" / "Local"
     else:
         given = os.environ.get("XDG_STATE_HOME")
-        # The specification of that variable has relative paths ignored.
+        # The XDG specification requires relative paths to be ignored.
         base = Path(given) if given and Path(given).is_absolute() else Path.home() / ".local" / "state"
     return base / "duralab" / "labs"
 
 
 @contextmanager
 def noted(endpoint: str, *, recordings: Path, services: dict[str, int]) -> Iterator[str | None]:
-    """Note a lab of this process for as long as the `with` statement; give why it could not be, or None."""
+    """Write a note about a lab of this process for the `with` statement; yield the error if it failed, or None."""
     lab = RunningLab(
         endpoint=endpoint,
         process_id=os.getpid(),
@@ -92,7 +92,7 @@ def noted(endpoint: str, *, recordings: Path, services: dict[str, int]) -> Itera
 
 
 def running_labs() -> list[RunningLab]:
-    """Return the labs that run on this machine, by endpoint; notes of others that are gone are removed."""
+    """Return the labs that run on this machine, by endpoint; remove the notes of ended labs."""
     found = []
     for path in sorted(notes_folder().glob(f"*{_SUFFIX}")):
         lab = _read(path)
@@ -107,7 +107,7 @@ def running_labs() -> list[RunningLab]:
 
 
 def _read(path: Path) -> RunningLab | None:
-    """Return what a note says; None where it is no note."""
+    """Return the lab of a note; None if the file is not a note."""
     try:
         lab = RunningLab(**json.loads(path.read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):
@@ -117,7 +117,7 @@ def _read(path: Path) -> RunningLab | None:
 
 
 def the_running_lab() -> RunningLab | None:
-    """Return the one lab that runs, None where none does; raises InputError where several do."""
+    """Return the one running lab, None if there is none; raises InputError if several labs run."""
     labs = running_labs()
     if len(labs) > 1:
         listed = ", ".join(lab.endpoint for lab in labs)
@@ -129,7 +129,7 @@ def the_running_lab() -> RunningLab | None:
 
 
 def require_no_lab(endpoint: str, *, recordings: Path) -> None:
-    """Refuse to start a lab where one of this user listens at the same endpoint or records into the same folder."""
+    """Refuse to start a lab if another one of this user has the same endpoint or recordings folder."""
     labs = running_labs()
     folder = str(recordings.resolve())
     lab = next((lab for lab in labs if endpoint == lab.endpoint or folder == lab.recordings), None)
@@ -144,10 +144,10 @@ def require_no_lab(endpoint: str, *, recordings: Path) -> None:
 
 
 def end_lab(lab: RunningLab, *, timeout_seconds: float = END_SECONDS) -> None:
-    """Ask a lab to end and wait; raises LabError where it belongs to another user or does not end in time."""
+    """Terminate a lab and wait for its end; raises LabError if it is another user's or does not end in time."""
     try:
         process = psutil.Process(lab.process_id)
-        # Asked again: psutil itself refuses to signal a process that took over the id since this line.
+        # Check again; if the id is reused after this line, psutil refuses to signal the new process.
         if not lab.runs():
             return
         process.terminate()

@@ -1,4 +1,4 @@
-"""The operator page as a process beside a lab: started, started again where it ended by itself, and ended."""
+"""Operator page as a separate process of a lab: start, restart after an unexpected end, and stop."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ PAGE_PORT: Final = 7480
 START_SECONDS: Final = 60.0
 END_SECONDS: Final = 4.0
 AGAIN_SECONDS: Final = 1.0
-"""A page that ended by itself is started again after so long: no campaign depends on it."""
+"""Delay before the restart of a page that ended unexpectedly; no campaign depends on the page."""
 
 _HOST: Final = "127.0.0.1"
 _POLL_SECONDS: Final = 0.1
 
 
 class OperatorPage:
-    """The page of a lab on 127.0.0.1, for a `with` statement; the lab continues whatever becomes of it.
+    """Operator page of a lab on 127.0.0.1, for a `with` statement; the lab does not depend on it.
 
-    `endpoint`: Of the lab. `folder`: For campaign files, uploads and reports. `port`: 0 takes a free one.
+    `endpoint`: Endpoint of the lab. `folder`: Folder for campaign files, uploads and reports. `port`: 0 for a free one.
     """
 
     def __init__(self, endpoint: str, *, folder: Path, log: Path, port: int = 0, viewer: str | None = None) -> None:
@@ -111,7 +111,7 @@ class OperatorPage:
                     self._process = self._spawn()
 
     def stop(self) -> None:
-        """End it."""
+        """Stop the page."""
         self._ending.set()
         if (guard := getattr(self, "_guard", None)) is not None:
             guard.join()

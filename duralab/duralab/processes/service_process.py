@@ -1,7 +1,7 @@
-"""Process of a service on this machine, forked from a process with all imports where one exists.
+"""Process of a service on this machine; on Linux it is forked from a process that has made the imports.
 
-On Linux a separate process imports once what the services share and starts each of them by a fork, see `fork_server`.
-Other systems start a new Python for each service.
+On Linux a separate process makes the services' common imports once and forks each service, see `fork_server`. Other
+systems start a new Python for each service.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ import psutil
 
 from duralab.errors import LabError
 
-# A campaign's matrices are small: threads of BLAS took five times the processor's time waiting for one another, and
-# sums in another order differ in their last bits. Who sets it otherwise is obeyed.
+# A campaign's matrices are small: with several BLAS threads, waiting took five times the processor time, and sums in
+# another order differ in their last bits. The user's environment can override it.
 _ONE_THREAD: Final = MappingProxyType({"OMP_NUM_THREADS": "1"})
 _LARGEST_PACKET: Final = 65_536
 UNKNOWN_EXIT: Final = 256
-"""Exit code of a service whose own is not known, as no process has it."""
+"""Code for an unknown exit code; no process can have it."""
 
 _LOST_SECONDS: Final = 0.05
 _START_SECONDS: Final = 60.0
-"""Longest time until a service is forked; imports come first."""
+"""Longest time until a service is forked, including imports."""
 
 
 class ServiceProcess(Protocol):
@@ -55,7 +55,7 @@ class ServiceProcess(Protocol):
         ...
 
     def wait(self, timeout: float | None = None) -> int:
-        """Return the exit code when it has ended; subprocess.TimeoutExpired after `timeout` seconds."""
+        """Wait for the end and return the exit code; raises subprocess.TimeoutExpired after `timeout` seconds."""
         ...
 
     def terminate(self) -> None:
@@ -68,7 +68,7 @@ class ServiceProcess(Protocol):
 
 
 def start_service(name: str, *, config: Path, log: Path) -> ServiceProcess:
-    """Start a service with its configuration and its log, which exists; OSError where no process can be started."""
+    """Start a service with its configuration and its existing log; raises OSError if no process can be started."""
     if sys.platform == "linux":
         return _server().start(name, config=config, log=log)
     with log.open("ab") as stream:
@@ -84,9 +84,9 @@ def start_service(name: str, *, config: Path, log: Path) -> ServiceProcess:
 
 
 def import_ahead() -> None:
-    """Begin to import what services share, while this process still reads its arguments."""
+    """Start the services' common imports in the background, while this process reads its arguments."""
     if sys.platform == "linux":
-        with suppress(OSError):  # the start of a service says it
+        with suppress(OSError):  # reported at the start of a service
             _server()
 
 
@@ -97,7 +97,7 @@ def _environment() -> dict[str, str]:
 if sys.platform == "linux":
 
     class _ForkServer:
-        """The process that forks services, started for one environment."""
+        """Client of the process that forks services, for one environment."""
 
         def __init__(self, environment: dict[str, str]) -> None:
             self.environment = environment
@@ -124,16 +124,16 @@ if sys.platform == "linux":
             finally:
                 other.close()
             self._socket, self._process, self._said = own, process, said
-            # With the last process that it started, or with this one.
+            # Close it with the last of its services' objects, or with this process.
             weakref.finalize(self, _close_server, own, process, said)
 
         @property
         def running(self) -> bool:
-            """Whether it can start services."""
+            """Whether the process can start services."""
             return self._process.poll() is None
 
         def start(self, name: str, *, config: Path, log: Path) -> _ForkedService:
-            """Fork a service; OSError where it cannot."""
+            """Fork a service; raises OSError if that fails."""
             request = {"name": name, "config": str(config), "log": str(log.resolve()), "folder": str(Path.cwd())}
             reading, writing = os.pipe()
             with self._lock:
@@ -154,7 +154,7 @@ if sys.platform == "linux":
             return _ForkedService(self, answer["pid"], os.fdopen(writing, "wb"))
 
         def code_of(self, pid: int, timeout_seconds: float = 0.0) -> int | None:
-            """Return the exit code of a service, or None where it has not ended in this time."""
+            """Return the exit code of a service, or None if it has not ended in this time."""
             deadline = time.monotonic() + timeout_seconds
             while True:
                 with self._lock:
@@ -162,7 +162,7 @@ if sys.platform == "linux":
                         while pid not in self._ended and self._readable(0.0):
                             self._take(self._receive())
                     except LabError:
-                        # Services outlive the process that forked them; then their exit codes are not known.
+                        # Services can outlive the process that forked them; then their exit codes are unknown.
                         if not _exists(pid):
                             self._ended[pid] = UNKNOWN_EXIT
                         time.sleep(min(_LOST_SECONDS, max(0.0, deadline - time.monotonic())))
@@ -174,7 +174,7 @@ if sys.platform == "linux":
                 self._readable(left)
 
         def _answer(self) -> dict[str, int]:
-            """Return the answer to a request; exit codes that arrive before it are kept."""
+            """Return the answer to a request; store exit codes that arrive before it."""
             while self._readable(_START_SECONDS):
                 message = self._receive()
                 if "ended" not in message:
@@ -192,7 +192,7 @@ if sys.platform == "linux":
             raise self._lost()
 
         def _readable(self, seconds: float) -> bool:
-            poll = select.poll()  # not select: it takes no file number above 1023
+            poll = select.poll()  # not select, which does not support file numbers above 1023
             poll.register(self._socket, select.POLLIN)
             return bool(poll.poll(1000.0 * seconds))
 
@@ -205,7 +205,7 @@ if sys.platform == "linux":
             return LabError(f"The process that starts the services ended by itself{said}; start the lab again.")
 
     class _ForkedService:
-        """A service that was forked."""
+        """Forked service."""
 
         def __init__(self, server: _ForkServer, pid: int, stdin: IO[bytes]) -> None:
             self._server = server
@@ -217,7 +217,7 @@ if sys.platform == "linux":
             return self._server.code_of(self.pid)
 
         def wait(self, timeout: float | None = None) -> int:
-            """Return the exit code when it has ended."""
+            """Wait for the end and return the exit code."""
             while (code := self._server.code_of(self.pid, 3600.0 if timeout is None else timeout)) is None:
                 if timeout is not None:
                     raise subprocess.TimeoutExpired(str(self.pid), timeout)
@@ -232,7 +232,7 @@ if sys.platform == "linux":
             self._signal(9)
 
         def _signal(self, number: int) -> None:
-            # One that ended was waited for by the server, and its id may be another's by now.
+            # The server has waited for ended services, so the id may now be that of another process.
             if self.poll() is None:
                 with suppress(ProcessLookupError):
                     os.kill(self.pid, number)
@@ -247,7 +247,7 @@ if sys.platform == "linux":
     _servers_lock = Lock()
 
     def _server() -> _ForkServer:
-        """Return the server for today's environment; a new one where the environment is another, or it ended."""
+        """Return the server for the present environment; start a new one if the environment changed or it ended."""
         environment = _environment()
         with _servers_lock:
             if not (_servers and _servers[0].environment == environment and _servers[0].running):
@@ -257,6 +257,6 @@ if sys.platform == "linux":
     def _close_server(own: socket.socket, process: subprocess.Popen[bytes], said: IO[bytes]) -> None:
         own.close()
         said.close()
-        # It may still import what nobody needs any more; services are told to end by their own standard input.
+        # It may still be importing; services end by the end of their standard input.
         process.terminate()
         process.wait()

@@ -1,4 +1,4 @@
-"""Answers of the services as programs: shipped rigs, a recording's live view, whether it is whole."""
+"""Calls of the services as programs: list shipped rigs, rebuild a recording's live view, verify a recording."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _SECONDS: Final = 30.0
 
 
 def shipped_rigs() -> dict[str, str]:
-    """Return what is mounted on each shipped rig, as text, by its name; nothing where no simulator is installed."""
+    """Return the specimen of each shipped rig, as text, by the rig's name; empty if no simulator is installed."""
     asked = [sys.executable, "-m", "rig_sim", "--list"]
     try:
         answer = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=_SECONDS).stdout
@@ -27,12 +27,12 @@ def shipped_rigs() -> dict[str, str]:
 
 
 def require_shipped(rigs: Sequence[str], *, usual: Sequence[str]) -> None:
-    """Check the rigs of a lab that is about to be started, without asking for those that every lab has (`usual`)."""
+    """Check the rigs before the start of a lab; no query is needed for those that every lab has (`usual`)."""
     if set(rigs) <= set(usual):
         return
     shipped = shipped_rigs()
     unknown = [name for name in rigs if name not in shipped]
-    # Without a simulator there is no list; what is wrong then, the start of the lab says.
+    # Without a simulator there is no list; the start of the lab reports the error.
     if shipped and unknown:
         raise InputError(
             f"There is no rig {', '.join(map(repr, unknown))} to start a lab with; there are {', '.join(shipped)}.",
@@ -45,7 +45,7 @@ _LIVE_VIEW: Final = b"RRF"
 
 
 def is_recording(file: Path) -> bool:
-    """Return whether a file is a recording, and not a live view, by its first bytes: a name may say anything."""
+    """Return whether a file is a recording, not a live view, by its first bytes; its name is not reliable."""
     try:
         with open_regular(file) as stream:
             start = stream.read(len(_RECORDING))
@@ -68,7 +68,7 @@ def is_recording(file: Path) -> bool:
 
 
 def rebuilt_view(recording: Path, target: Path, *, report: Callable[[str], None]) -> Path:
-    """Write the live view of a recording; `tell` gets a sentence where the view ends before the recording's end."""
+    """Write the live view of a recording; call `report` with a sentence if the recording is unfinished."""
     from duralab.processes.supervisor import last_lines, require_services
     from duralab.recording import RecordingFiles
 
@@ -77,7 +77,7 @@ def rebuilt_view(recording: Path, target: Path, *, report: Callable[[str], None]
         report(f"{recording} was never finished; it is shown as far as it is whole.")
     said = target.with_suffix(".log")
     require_services("recorder")
-    # A separate process: the SDK imports no service, and Rerun keeps what it took.
+    # A separate process, because the SDK imports no service, and Rerun does not free its memory.
     with said.open("wb") as log:
         code = subprocess.run(
             [sys.executable, "-m", "recorder.rebuild_view", *map(str, file.paths), "--out", str(target)],
@@ -87,7 +87,7 @@ def rebuilt_view(recording: Path, target: Path, *, report: Callable[[str], None]
             check=False,
         ).returncode
     if code != 0:
-        # The recorder says it in its own sentence; of that, what comes after the recording's name is the reason.
+        # The reason is in the recorder's sentence, after the recording's name.
         _, known, reason = last_lines(said).rpartition(" cannot be shown: ")
         kind = InputError if known else LabError
         raise kind(f"The live view of {recording} cannot be made: {reason.rstrip('.')}.")
@@ -95,13 +95,13 @@ def rebuilt_view(recording: Path, target: Path, *, report: Callable[[str], None]
 
 
 def findings_of(recording: Path) -> list[str]:
-    """Read a recording from end to end and return what is wrong with it, a sentence each."""
+    """Check a whole recording; return a sentence for each defect."""
     if not is_recording(recording):
         raise InputError(f"{recording} is a live view; give the recording.mcap beside it.")
     from duralab.processes.supervisor import require_services
 
     require_services("recorder")
-    # A separate process: the SDK imports no service.
+    # A separate process, because the SDK imports no service.
     done = subprocess.run(
         [sys.executable, "-m", "recorder.verify_file", str(recording)],
         stdin=subprocess.DEVNULL,

@@ -1,4 +1,4 @@
-"""The services of a lab as child processes: started together, watched, and ended so that none is left."""
+"""Services of a lab as child processes: start together, monitor, and end all."""
 
 from __future__ import annotations
 
@@ -29,16 +29,16 @@ START_SECONDS: Final = 90.0
 """Longest time to wait for all services; a rig compiles its model at its first start."""
 
 END_SECONDS: Final = 3.5
-"""A service ends within 3 s of being told."""
+"""Longest time until a service ends; it needs at most 3 s after the signal."""
 
 LOG_LINES: Final = 3
-"""Last lines of a log that stand in an error."""
+"""Number of last log lines in an error."""
 
 LAB_EXTRA: Final = "pip install 'duralab[lab]'"
-"""Command that installs everything that runs a lab; `duralab` alone is a client of labs that run already."""
+"""Command that installs all services of a lab; `duralab` alone is a client of running labs."""
 
 _POLL_SECONDS: Final = 0.05
-# A stack trace of each of Zenoh's threads may follow the line that counts: 17 kB were seen.
+# Stack traces of Zenoh's threads may follow the relevant line; 17 kB were seen.
 _TAIL_BYTES: Final = 1_048_576
 _TRACE_LINES: Final = (
     "Traceback (most recent",
@@ -51,7 +51,7 @@ _TRACE_LINES: Final = (
 
 @dataclass(frozen=True)
 class ServicePlan:
-    """One service to start with `python -m <name> --config FILE`, and the instances that it declares live."""
+    """Service to start with `python -m <name> --config FILE`, and the instances that it declares live."""
 
     name: str
     instances: tuple[str, ...] = (MAIN_INSTANCE,)
@@ -59,7 +59,7 @@ class ServicePlan:
 
 
 def require_services(*names: str) -> None:
-    """Check that this Python has the services that are about to be started; LabError with the command otherwise."""
+    """Check that this Python has the services; otherwise raise LabError with the command to install them."""
     missing = [name for name in names if find_spec(name) is None]
     if missing:
         raise LabError(
@@ -79,17 +79,17 @@ def lab_services(
     endurance: bool = False,
     new_lab: bool = True,
 ) -> tuple[ServicePlan, ...]:
-    """Return the services of a lab in the order of their start; the recorder comes last, and ends last.
+    """Return the services of a lab in the order of their start; the recorder starts and ends last.
 
-    `specimens`: YAML files of further rigs, by the rig's name. `live_file`: Whether the recorder also writes what a
-    viewer would show. `endurance`: Whether a sequencer is among them. `new_lab`: Whether the bus was opened at a free
-    port just now, so that nobody else is on it. LabError if one of them is not installed.
+    `specimens`: YAML files of further rigs, by the rig's name. `live_file`: Whether the recorder also writes a file for
+    the viewer. `endurance`: Whether to include a sequencer. `new_lab`: Whether the bus was just opened at a free port,
+    so that it has no other members. Raises LabError if one of them is not installed.
     """
     plans = (
         ServicePlan(
             "rig_sim",
             instances=(*rigs, *specimens),
-            # Beside the recordings: what a killed rig had not brought to the recorder is fetched at the next start.
+            # Beside the recordings, so that data that a killed rig had not delivered is fetched at the next start.
             settings={
                 "rigs": list(rigs),
                 "specimens": [str(path) for path in specimens.values()],
@@ -116,10 +116,10 @@ def lab_services(
 
 
 class Supervisor:
-    """Starts services and ends them, the last one after the others; use it in a `with` statement.
+    """Supervisor that starts services and ends them, the last one after the others; for a `with` statement.
 
-    The services end when this process is killed: they hold the other end of a pipe. `bus` listens; they connect to it.
-    `trace_folder`: Where they write what their time is spent on; nowhere where not given.
+    The services end if this process is killed, because they hold the other end of a pipe. They connect to `bus`, which
+    listens. `trace_folder`: Folder for the services' time traces; no traces if not given.
     """
 
     def __init__(self, plans: Sequence[ServicePlan], *, bus: Bus, logs: Path, trace_folder: Path | None = None) -> None:
@@ -132,11 +132,11 @@ class Supervisor:
 
     @property
     def process_ids(self) -> dict[str, int]:
-        """Process id of each service that was started."""
+        """Process id of each started service."""
         return {name: process.pid for name, process in self._processes.items()}
 
     def start(self, *, needs_later: Sequence[str] = (), timeout_seconds: float = START_SECONDS) -> None:
-        """Start all services and wait until every one of them is on the bus; LabError with the last lines of a log.
+        """Start all services and wait until all are on the bus; raises LabError with the last lines of a log.
 
         `needs_later`: Modules that this process imports while it waits.
         """
@@ -181,16 +181,16 @@ class Supervisor:
             raise LabError(f"The process of the service {plan.name} could not be started: {reason}.") from error
 
     def log_path(self, name: str) -> Path:
-        """Return where the log of a service is."""
+        """Return the path of a service's log."""
         return self._logs / f"{name}.log"
 
     def failure(self) -> ServiceEndedError | None:
-        """Return what happened to a service that ended by itself, or None while all of them run."""
+        """Return the error of a service that ended unexpectedly, or None while all services run."""
         for name, process in self._processes.items():
             if (code := process.poll()) is not None:
                 log = self.log_path(name)
                 last = last_lines(log).rstrip(".")
-                # Rust's panics that follow may fill the last lines.
+                # Later panics of Rust may fill the last lines.
                 if is_process_limit(_tail(log)):
                     found = f": it could not start a thread, {PROCESS_LIMIT}; its log is {log}"
                 else:
@@ -201,7 +201,7 @@ class Supervisor:
         return None
 
     def stop(self) -> None:
-        """End all services within a few seconds, by force where needed."""
+        """End all services within a few seconds, by force if necessary."""
         *first, last = (plan.name for plan in self._plans)
         for names in (first, [last]):
             self._end([self._processes[name] for name in names if name in self._processes])
@@ -229,7 +229,7 @@ class Supervisor:
 
 
 def close_quietly(stream: IO[bytes] | None) -> None:
-    """Close a pipe whose other end may be gone."""
+    """Close a pipe whose other end may be closed."""
     if stream is not None:
         with suppress(OSError):
             stream.close()
@@ -248,13 +248,13 @@ def describe_exit(code: int) -> str:
 
 
 def last_lines(path: Path) -> str:
-    """Return the last lines of a log in one line: JSON lines as their event and its error, no stack traces."""
+    """Return the last lines of a log as one line: of JSON lines the event and its error, without stack traces."""
     lines = [_readable(line.strip()) for line in _tail(path).splitlines() if line.strip() and not _is_trace(line)]
     return " / ".join([line for line, _ in groupby(lines)][-LOG_LINES:]) or "none"
 
 
 def _tail(path: Path) -> str:
-    """Return the end of a log; empty where it cannot be read."""
+    """Return the end of a log; empty if it cannot be read."""
     try:
         with path.open("rb") as stream:
             stream.seek(max(0, stream.seek(0, 2) - _TAIL_BYTES))
@@ -264,7 +264,7 @@ def _tail(path: Path) -> str:
 
 
 def _is_trace(line: str) -> bool:
-    """Return whether a line of a log is part of a stack trace, of Python or of Rust, and not its message."""
+    """Return whether a line of a log is part of a stack trace of Python or Rust, except its message."""
     return line[0].isspace() or line.startswith(_TRACE_LINES)
 
 

@@ -1,4 +1,4 @@
-"""The Rerun live viewer: a window where there is a display, a page for the browser elsewhere; on loopback only."""
+"""Rerun live viewer, on loopback only: a window if there is a display, otherwise a page for the browser."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ WEB_PORT: Final = 9090
 START_SECONDS: Final = 20.0
 END_SECONDS: Final = 5.0
 MEMORY_LIMIT: Final = "2GB"
-"""Most that the viewer keeps, and that what serves it to a browser keeps."""
+"""Memory limit of the viewer, and of its server for the browser."""
 
 _HOST: Final = "127.0.0.1"
 
 
 class Viewer:
-    """A running viewer on 127.0.0.1, maybe with an .rrd file; use it in a `with` statement.
+    """Running viewer on 127.0.0.1, optionally with an .rrd file; for a `with` statement.
 
-    `port`, `web_port`: 0 takes a free one. `native`: Its own window, by default where there is a display; else a
-    page for a browser at `web_port`.
+    `port`, `web_port`: 0 for a free port. `native`: Whether to open a window instead of a page for the browser at
+    `web_port`; by default if there is a display.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class Viewer:
         self._port = require_free_port(port, option="--port")
         self._web_port = self._port if self.native else require_free_port(web_port, option="--web-port")
         self._folder = Path(tempfile.mkdtemp(prefix="duralab-viewer-"))
-        # Its own configuration: analytics are off in it, and the user's stays unchanged.
+        # A separate configuration with analytics off; the user's configuration is unchanged.
         environment = {**os.environ, "XDG_CONFIG_HOME": str(self._folder)}
         self._log = self._folder / "viewer.log"
         with self._log.open("wb") as log:
@@ -74,14 +74,14 @@ class Viewer:
 
     def _arguments(self, file: Path | None) -> list[str]:
         files = [str(file)] if file is not None else []
-        # Beyond its limit the viewer drops what is oldest; the log and the file keep it.
+        # Beyond its memory limit the viewer drops the oldest data.
         common = ["--bind", _HOST, "--port", str(self._port), "--hide-welcome-screen", *files]
         common = ["--memory-limit", MEMORY_LIMIT, "--server-memory-limit", MEMORY_LIMIT, *common]
         return common if self.native else ["--serve-web", "--web-viewer-port", str(self._web_port), *common]
 
     @property
     def address(self) -> str:
-        """Address to which data are sent."""
+        """Address for sending data."""
         return f"rerun+http://{_HOST}:{self._port}/proxy"
 
     @property
@@ -93,7 +93,7 @@ class Viewer:
 
     def _wait_until_ready(self) -> None:
         deadline = time.monotonic() + START_SECONDS
-        # Its two ports open one after the other, in either order.
+        # The two ports open in either order.
         while not (_answers(self._port) and _answers(self._web_port)):
             code = self._process.poll()
             if code is not None:
@@ -103,13 +103,13 @@ class Viewer:
             time.sleep(0.05)
 
     def wait(self, timeout_seconds: float) -> bool:
-        """Return True when it was closed within the time."""
+        """Wait for the viewer's end; return whether it was closed within the time."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout_seconds)
         return self._process.poll() is not None
 
     def stop(self) -> None:
-        """Close it, and the program it wraps."""
+        """Close the viewer and its program."""
         close_quietly(self._process.stdin)
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_SECONDS)
@@ -126,7 +126,7 @@ class Viewer:
 
 
 def viewer_program() -> Path:
-    """Return the viewer's binary: not the script around it, whose end would leave the binary running."""
+    """Return the viewer's binary, not its wrapper script, whose end would leave the binary running."""
     package = importlib.util.find_spec("rerun_cli")
     for folder in (package.submodule_search_locations or []) if package is not None else []:
         for name in ("rerun", "Rerun.app/Contents/MacOS/Rerun", "rerun.exe"):
@@ -141,7 +141,7 @@ def has_display() -> bool:
 
 
 def require_free_port(port: int, *, option: str) -> int:
-    """Return a port that can be listened on, a free one for 0."""
+    """Return a port if it is free, or a free port for 0."""
     with socket.socket() as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:

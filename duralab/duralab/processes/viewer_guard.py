@@ -1,7 +1,7 @@
-"""Runs a program while standard input stays open: `python -m duralab.processes.viewer_guard PROGRAM [ARGUMENT …]`.
+"""Guard of a program: ends it with standard input. `python -m duralab.processes.viewer_guard PROGRAM [ARGUMENT …]`.
 
-The Rerun viewer does not notice the end of whoever started it. This process does, because its standard input ends, and
-takes the viewer with it; so no viewer is left behind even when the lab is killed.
+The Rerun viewer does not detect the end of its parent process. This process does, because its standard input ends, and
+then ends the viewer; so no viewer remains, even if the lab is killed.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ END_SECONDS: Final = 2.0
 
 
 def guard(arguments: list[str]) -> int:
-    """Run a program until it ends, standard input ends, or this process is asked to end; return its exit code."""
+    """Run a program until it ends, standard input ends, or SIGTERM arrives; return its exit code."""
     child = subprocess.Popen(arguments, stdin=subprocess.DEVNULL)
 
     def end(*_: object) -> None:

@@ -1,4 +1,4 @@
-"""Recordings: opening their files, and reading runs, playbacks and signals out of them."""
+"""Recordings: open their files, and read runs, playbacks and signals."""
 
 from duralab.recording.endurance import EnduranceRecording, EnduranceRepeats
 from duralab.recording.files import RecordingFiles, parts_beside

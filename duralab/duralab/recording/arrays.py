@@ -1,4 +1,4 @@
-"""The signals of a recording as xarray datasets that read what is asked of them, and no more."""
+"""Signals of a recording as lazy xarray datasets, which read only the requested samples."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from duralab.recording.files import SignalWindows
 from duralab.recording.judged_windows import JudgedWindows
 
 Windows = SignalWindows | JudgedWindows
-"""Where samples are read."""
+"""Readers of samples."""
 
 
 class Direction(Enum):
@@ -46,7 +46,7 @@ def _attributes(channel: Channel) -> dict[str, str | float]:
 
 
 class _LazySignal(BackendArray):
-    """One channel of runs of one length, (runs, samples), or of one run, (samples)."""
+    """Lazy channel of runs of one length, shape (runs, samples), or of one run, shape (samples)."""
 
     def __init__(
         self, windows: Windows, runs: Sequence[str], *, direction: Direction, row: int, samples: int, flat: bool
@@ -59,14 +59,14 @@ class _LazySignal(BackendArray):
         self.dtype = np.dtype(np.float64)
 
     def __getitem__(self, key: indexing.ExplicitIndexer) -> np.ndarray:
-        """Read what a key of xarray's asks for; it is the caller's own, to work on in place."""
+        """Read the samples of an xarray key into a new array, which the caller may change."""
         return indexing.explicit_indexing_adapter(key, self.shape, indexing.IndexingSupport.BASIC, self._read)
 
     def _read(self, key: tuple[int | slice, ...]) -> np.ndarray:
         *of_runs, time = key
         chosen = self._runs[of_runs[0]] if of_runs else self._runs[0]
         if isinstance(chosen, str):
-            # The windows are kept: what is done in place on one would change what is read later.
+            # Copy, because the windows are cached: a change in place would change later reads.
             return self._samples(chosen, time).copy()
         if not chosen:
             wanted = range(self.shape[-1])[time]
@@ -98,7 +98,7 @@ def signal_dataset(
     flat: bool,
     note: BandNote | None = None,
 ) -> xarray.Dataset:
-    """Return the drives or the responses of runs, one variable for each channel, read when they are used."""
+    """Return the drives or the responses of runs, one lazily read variable for each channel."""
     sizes = {run: windows.size(run) for run in runs}
     if len(set(sizes.values())) > 1:
         lengths = ", ".join(f"{run} {samples / rate:g} s" for run, (samples, rate) in sizes.items())
@@ -112,7 +112,7 @@ def signal_dataset(
     variables = {
         channel.name: xarray.Variable(
             dims,
-            # Samples may be assigned to before they were read, too.
+            # Allows assignment to samples before they are read.
             indexing.CopyOnWriteArray(
                 indexing.LazilyIndexedArray(  # pyright: ignore[reportArgumentType]
                     _LazySignal(windows, runs, direction=direction, row=row, samples=samples, flat=flat)

@@ -1,4 +1,4 @@
-"""An endurance test, read from its recordings: statistics of every repeat, alarms, and the samples that were kept."""
+"""Reader of an endurance test's recordings: statistics of every repeat, alarms, and kept samples."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ MessageT = TypeVar("MessageT", bound=Message)
 
 @dataclass(frozen=True, eq=False)
 class EnduranceRepeats:
-    """Figures of every repeat that was counted; NaN where its end is not known.
+    """Values of every counted repeat; NaN if its end is unknown.
 
-    `repeat`, `event`, `drive`, shape (repeats,): Number from 0, index of its event, index of the drive that was played.
-    `known`, `kept`, shape (repeats,): Whether it was played to its end; whether all its samples are recorded.
-    `statistics`, shape (repeats, responses, columns): Columns as in `EnduranceRecording.columns`; float32. `damage`,
-    shape (repeats, responses): What is counted of it; NaN where nothing is known of it.
+    `repeat`, `event`, `drive`, shape (repeats,): Number from 0, index of its event, index of the played drive. `known`,
+    `kept`, shape (repeats,): Whether it was played to its end; whether all its samples are recorded. `statistics`,
+    shape (repeats, responses, columns): Columns as in `EnduranceRecording.columns`; float32. `damage`, shape (repeats,
+    responses): Counted damage; NaN if unknown.
     """
 
     repeat: np.ndarray
@@ -48,10 +48,10 @@ class EnduranceRepeats:
 
 
 class EnduranceRecording:
-    """The recordings of one endurance test that lie beside each other.
+    """Recordings of one endurance test in one folder.
 
-    `path`: One of them.
-    Raises `InputError`: It is no recording of an endurance test, or one of them is missing or damaged.
+    `path`: Path of one of the recordings.
+    Raises `InputError`: It is not a recording of an endurance test, or one of them is missing or damaged.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -82,7 +82,7 @@ class EnduranceRecording:
 
     @cached_property
     def rig(self) -> rig_pb2.RigDescription:
-        """The rig as it described itself."""
+        """Description of the rig."""
         return self._first(rig_pb2.RigDescription)
 
     @cached_property
@@ -97,7 +97,7 @@ class EnduranceRecording:
 
     @cached_property
     def schedule(self) -> Schedule:
-        """The schedule that was played."""
+        """Schedule of the test."""
         try:
             return Schedule.model_validate(parse_yaml(self.specification.schedule))
         except ValidationError as error:
@@ -117,13 +117,13 @@ class EnduranceRecording:
 
     @cached_property
     def unknown(self) -> tuple[sequencer_pb2.EnduranceRepeat, ...]:
-        """Repeats whose end is not known."""
+        """Repeats whose end is unknown."""
         steps = self.messages(sequencer_pb2.EnduranceRepeat)
         return tuple(step for step in steps if step.end == sequencer_pb2.REPEAT_END_UNKNOWN)
 
     @cached_property
     def planned_damage(self) -> np.ndarray:
-        """Planned damage of one repeat of each event, shape (events, responses); NaN where it is not known."""
+        """Planned damage of one repeat of each event, shape (events, responses); NaN if unknown."""
         shape = (len(self.responses),)
         with input_errors(), within_contract(self.path):
             return np.array(
@@ -137,7 +137,7 @@ class EnduranceRecording:
 
     @cached_property
     def repeats(self) -> EnduranceRepeats:
-        """Figures of every repeat that was counted."""
+        """Values of every counted repeat."""
         responses, columns = len(self.responses), len(self.columns)
         numbers: list[tuple[int, int, int, bool, bool]] = []
         statistics, damage = [], []
@@ -166,7 +166,7 @@ class EnduranceRecording:
         )
 
     def response(self, repeat: int) -> Signals | None:
-        """Return the response of a repeat; None where its samples were not kept."""
+        """Return the response of a repeat; None if its samples were not kept."""
         place = int(np.searchsorted(self._first_repeats, repeat, "right")) - 1
         # Samples before an alarm are stored after it, which may be in the next recording.
         for volume in self.volumes[max(0, place) : place + 2]:

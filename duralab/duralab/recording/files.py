@@ -1,4 +1,4 @@
-"""The files of a recording with errors of the SDK: the sentences are those of `duralab_recordings`."""
+"""Files of a recording, with errors of the SDK; the sentences are from `duralab_recordings`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MessageT = TypeVar("MessageT", bound=Message)
 
 @contextmanager
 def input_errors() -> Iterator[None]:
-    """Raise what is wrong with a recording as InputError."""
+    """Convert errors of a recording to InputError."""
     try:
         yield
     except MissingFileError as error:
@@ -35,21 +35,21 @@ def input_errors() -> Iterator[None]:
 
 
 def parts_beside(path: Path) -> dict[int, Path]:
-    """Return the files beside a recording's first one that are named as parts of it, by number, in order.
+    """Return the part files beside a recording's first file, by number, in order.
 
     `path`: First file of the recording.
     Returns: Path of each part, by its number.
-    Raises `InputError`: Its folder cannot be listed.
+    Raises `InputError`: The folder cannot be listed.
     """
     with input_errors():
         return _parts_beside(path)
 
 
 class RecordingFiles(McapFile):
-    """The MCAP files of one recording; errors are InputError.
+    """MCAP files of one recording; errors are InputError.
 
-    `path`: The first file; those that follow lie beside it.
-    Raises `InputError`: There is no such file, it is no recording or of a newer format, it is damaged, or a part is
+    `path`: First file; the parts are beside it.
+    Raises `InputError`: There is no such file, it is not a recording or has a newer format, it is damaged, or a part is
     missing.
     """
 
@@ -60,34 +60,34 @@ class RecordingFiles(McapFile):
     def messages(self, kind: type[MessageT]) -> Iterator[MessageT]:
         """Yield the messages of one type in the order they were written.
 
-        `kind`: Of the contract.
-        Yields: Of that type.
-        Raises `InputError`: A file is damaged at a message that is read.
+        `kind`: Message type of the contract.
+        Yields: Messages of that type.
+        Raises `InputError`: A file is damaged at a message.
         """
         with input_errors():
             yield from super().messages(kind)
 
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Return the named sets of texts; raises InputError where a file is damaged."""
+        """Return the named metadata of the files; raises InputError if a file is damaged."""
         with input_errors():
             return super().metadata()
 
 
 class SignalWindows(RunSignals):
-    """Reads runs, and parts of them; errors are InputError."""
+    """Reader of runs and parts of runs; errors are InputError."""
 
     @property
     def runs(self) -> tuple[str, ...]:
-        """Names of the runs that have signals, in the order they were recorded."""
+        """Names of the runs with signals, in the order of recording."""
         with input_errors():
             return super().runs
 
     def end(self, run: str) -> tuple[int, float, bool]:
-        """Return the number of samples of a run, its rate in hertz, and whether its last block is here."""
+        """Return the number of samples of a run, its rate in hertz, and whether its last block is recorded."""
         with input_errors():
             return super().end(run)
 
     def read(self, run: str, first: int, last: int) -> Window:
-        """Read the samples from `first` to the one before `last` of a run; the arrays are read-only and kept."""
+        """Read the samples from `first` to the one before `last` of a run; the arrays are read-only and cached."""
         with input_errors():
             return super().read(run, first, last)

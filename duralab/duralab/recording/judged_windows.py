@@ -1,4 +1,4 @@
-"""In-band responses of a recording's playbacks, as they were judged, read from its steps."""
+"""In-band responses of a recording's playbacks, as used for judging, read from its steps."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from duralab_recordings import Window, WindowCache, response_in_band, target_of,
 
 
 class JudgedWindows:
-    """Reads in-band responses, or their errors, as `SignalWindows` reads measured ones.
+    """Reader of in-band responses, or their errors, with the interface of `SignalWindows`.
 
-    `file`: The recording's files. `targets`, shape (responses, samples): In each control band. `sample_rate`: In hertz.
-    `levels`: Level of each run that was judged: iterations and confirmations. `errors`: Whether to read target minus
-    response.
+    `file`: Files of the recording. `targets`, each of shape (responses, samples): Target in each control band.
+    `sample_rate`: Sample rate in hertz. `levels`: Level of each judged run: iterations and confirmations. `errors`:
+    Whether to read target minus response.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class JudgedWindows:
         self._cache = WindowCache()
 
     def size(self, run: str) -> tuple[int, float]:
-        """Return how many samples a run has, and their rate in hertz."""
+        """Return the number of samples of a run, and their rate in hertz."""
         if run not in self._levels:
             raise InputError(
                 f"The run {run!r} was not judged, so the recording holds no in-band response of it; it holds "
@@ -49,7 +49,7 @@ class JudgedWindows:
         """Return the samples from `first` to the one before `last` of a run; read-only."""
         samples, _ = self.size(run)
         whole = self._cache.find((run, 0, samples))
-        # One pass keeps what it passes: the runs are mostly read in the order in which they were played.
+        # One pass caches all windows that it reads: runs are mostly read in the order of playing.
         steps = self._steps() if whole is None else iter(())
         while whole is None:
             step = next(steps, None)

@@ -1,4 +1,4 @@
-"""A recording of a campaign, read from its MCAP file piece by piece."""
+"""Recording of a campaign, read piece by piece from its MCAP file."""
 
 from __future__ import annotations
 
@@ -58,17 +58,17 @@ MessageT = TypeVar("MessageT", bound=Message)
 
 
 class Recording:
-    """A recording on disk; nothing of it stays in memory but what is asked for.
+    """Recording on disk; only requested parts are read into memory.
 
     Parameters
     ----------
     path : str or Path
-        The .mcap file.
+        Path of the .mcap file.
 
     Raises
     ------
     InputError
-        It is not a path, the file does not exist, or it is not the recording of a campaign.
+        `path` is not a path, the file does not exist, or it is not the recording of a campaign.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -81,27 +81,27 @@ class Recording:
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """Its files, in order: the one that was opened, and those in which it continues."""
+        """Files of the recording, in order: the opened one, and its parts."""
         return tuple(self._file.paths)
 
     @property
     def begun(self) -> int:
-        """Time of the first stored step, in nanoseconds since 1970 UTC; 0 if it has no index that reports it."""
+        """Time of the first stored step, in nanoseconds since 1970 UTC; 0 if the file has no index."""
         statistics = index_of(self.path).statistics if self.whole else None
         return 0 if statistics is None else statistics.message_start_time
 
     @property
     def whole(self) -> bool:
-        """False where a file was never finished; what was written is read all the same.
+        """Whether all files are finished; unfinished files are readable too.
 
-        One that was repaired after its recorder was killed is finished; whether the recording ends there, `closed` and
-        `open_end` tell.
+        A file that was repaired after its recorder was killed is finished; `closed` and `open_end` show whether the
+        recording ends there.
         """
         return self._file.whole
 
     @cached_property
     def open_end(self) -> str:
-        """Reason why it may continue in a missing file, as text; empty if it was closed or a file is not finished."""
+        """Reason why the recording may continue in a missing file; empty if it was closed or a file is unfinished."""
         if self.closed is not None or not self.whole:
             return ""
         return self._file.open_end()
@@ -112,18 +112,18 @@ class Recording:
         Parameters
         ----------
         kind : type
-            Of the contract.
+            Message type of the contract.
 
         Yields
         ------
         Message
-            In the order in which they were written.
+            Messages in the order of writing.
         """
         return self._file.messages(kind)
 
     @cached_property
     def is_endurance(self) -> bool:
-        """Whether it is of an endurance test, which `EnduranceRecording` reads."""
+        """Whether the recording is of an endurance test, which `EnduranceRecording` reads."""
         return next(self.messages(sequencer_pb2.EnduranceVolume), None) is not None
 
     def _first(self, kind: type[MessageT], what: str) -> MessageT:
@@ -146,12 +146,12 @@ class Recording:
 
     @cached_property
     def specification(self) -> iterator_pb2.CampaignSpec:
-        """Specification as committed."""
+        """Committed specification."""
         return self._first(iterator_pb2.CampaignSpec, "campaign")
 
     @cached_property
     def rig(self) -> rig_pb2.RigDescription:
-        """The rig as it described itself."""
+        """Description of the rig."""
         return self._first(rig_pb2.RigDescription, "rig description")
 
     @cached_property
@@ -169,15 +169,15 @@ class Recording:
 
     @cached_property
     def closed(self) -> recorder_pb2.RecordingClosed | None:
-        """The last step; None where the recording was not closed."""
+        """Last step; None if the recording was not closed."""
         return next(self.messages(recorder_pb2.RecordingClosed), None)
 
     @cached_property
     def target(self) -> RecordedTarget:
-        """The target as it is judged, in the control band; `target(in_band=...)` has the layout of the responses.
+        """Target in the control band, as used for judging; `target(in_band=...)` has the layout of the responses.
 
-        Where a decision changed the band, it is the target in the last one.
-        `responses()` are as measured. Compare `target(in_band=True)` with `responses(in_band=True)`, or take `error()`,
+        If a decision changed the band, it is the target in the last band.
+        `responses()` are as measured. Compare `target(in_band=True)` with `responses(in_band=True)`, or use `error()`,
         which is their difference.
         """
         given = self.specification.target
@@ -191,7 +191,7 @@ class Recording:
 
     @cached_property
     def _targets(self) -> list[np.ndarray]:
-        """The target in each control band of the campaign, shape (responses, samples)."""
+        """Target in each control band of the campaign, shape (responses, samples)."""
         self._first(iterator_pb2.TargetInBand, "target")
         shape = (len(self.specification.target.channels), None)
         with input_errors(), within_contract(self.path):
@@ -207,7 +207,7 @@ class Recording:
 
     @cached_property
     def decision_messages(self) -> list[iterator_pb2.Decision]:
-        """The same as messages of the contract, with the settings that they change."""
+        """Decisions as messages of the contract, with the changed settings."""
         return decisions_in_force(self.messages(iterator_pb2.Decision), self.messages(iterator_pb2.Proposal))
 
     @cached_property
@@ -217,7 +217,7 @@ class Recording:
 
     @cached_property
     def _specifications(self) -> list[iterator_pb2.CampaignSpec]:
-        """The specification in each control band of the campaign, with the changes up to the next one."""
+        """Specification in each control band of the campaign, with the changes up to the next band."""
         found = [self.specification]
         for decision in self.decision_messages:
             revised = revised_specification(found[-1], decision)
@@ -244,7 +244,7 @@ class Recording:
 
     @cached_property
     def model(self) -> Model | None:
-        """The identified rig; None where the campaign did not come so far."""
+        """Model of the rig; None if the campaign ended before its identification."""
         message = next(self.messages(identifier_pb2.Model), None)
         with input_errors(), within_contract(self.path):
             return Model.from_message(message) if message is not None else None
@@ -258,7 +258,7 @@ class Recording:
 
     @cached_property
     def iterations(self) -> IterationTable:
-        """The figures of every playback."""
+        """Numbers of every playback."""
         return IterationTable.from_messages(
             [metrics for metrics, _, _ in self._iterations],
             confirmations=[
@@ -274,12 +274,12 @@ class Recording:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Whether the target was reached."""
+        """Verdict whether the target was reached."""
         return judge(self.iterations, specification=self.specification, status=self.status, open_end=self.open_end)
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on each playback: limits that its drive would have passed, unreachable targets."""
+        """Remarks on each playback: limits that its drive would have exceeded, unreachable targets."""
         return tuple(remark for _, _, remarks in self._iterations for remark in remarks)
 
     def playback(self, number: int) -> Playback:
@@ -288,17 +288,17 @@ class Recording:
         Parameters
         ----------
         number : int
-            From 1 to the number of playbacks.
+            Number of the playback, from 1.
 
         Returns
         -------
         Playback
-            Drive, response and what was judged.
+            Drive, response and judged response.
 
         Raises
         ------
         InputError
-            There is no such playback, or its samples are missing or are not those that it was made of.
+            There is no such playback, or its samples are missing or do not match their hash.
         """
         for step in self.messages(iterator_pb2.IterationStep):
             if step.iteration == number:
@@ -311,7 +311,7 @@ class Recording:
         raise InputError(f"{self.path} holds no playback {number}; it holds {numbers}.")
 
     def _samples_of(self, step: iterator_pb2.IterationStep) -> tuple[Signals, Signals]:
-        """Return drive and response of a playback: from its run, or from the step where that carries them."""
+        """Return drive and response of a playback: from its run, or from the step if it contains them."""
         if not step.HasField("response"):
             return self._whole_run(step.run, samples_hash=step.samples_hash)
         with input_errors(), within_contract(self.path):
@@ -321,8 +321,8 @@ class Recording:
     def signal(self, run: str) -> tuple[Signals, Signals]:
         """Join the blocks of one run on the rig, e.g. of the identification.
 
-        Of a run that was repeated after a fault, what was played to its end counts, as for `responses`; where nothing
-        was, what was written last.
+        For a run that was repeated after a fault, the repeat that was played to its end counts, as for `responses`; if
+        there is none, the one that was written last.
 
         Parameters
         ----------
@@ -336,14 +336,14 @@ class Recording:
         Raises
         ------
         InputError
-            It is not a string, no block of that run was recorded, or a block is missing: the last one too, where the
-            run was broken off.
+            `run` is not a string, no block of that run was recorded, or a block is missing, e.g. the last one of an
+            interrupted run.
         """
         require_run_name(run, example="signal('demo.i01')")
         return self._whole_run(run)
 
     def _whole_run(self, run: str, *, samples_hash: str = "") -> tuple[Signals, Signals]:
-        """Read a whole run, its samples compared with the hash where one is given."""
+        """Read a whole run, and compare its samples with the hash if one is given."""
         with input_errors():
             window, sample_rate = self._windows.whole(run, finished=self.whole)
             if samples_hash:
@@ -360,25 +360,24 @@ class Recording:
         )
 
     def drives(self, *runs: str) -> xarray.Dataset:
-        """Return what was commanded in runs; see `responses`."""
+        """Return the drives of runs; see `responses`."""
         from duralab.recording.arrays import Direction
 
         return self._signals(runs, Direction.DRIVE)
 
     def responses(self, *runs: str, in_band: bool = False) -> xarray.Dataset:
-        """Return what was measured in runs; samples are read when they are used, and only those that are.
+        """Return the measured responses of runs; only the used samples are read, at their first use.
 
         Parameters
         ----------
         *runs : str
-            Names of runs of one length, e.g. `responses("demo.i01", "demo.i02")` or `responses(*names)`; where none is
-            given, the iterations but those that a resumed campaign took over: their signals are in the recording of its
-            parent, `specification.parent`. One run alone has no dimension `run`; one that was broken off is as long as
-            the samples that exist.
+            Names of runs of one length, e.g. `responses("demo.i01", "demo.i02")` or `responses(*names)`. Without names:
+            the iterations, except those that a resumed campaign took over, whose signals are in the recording of its
+            parent, `specification.parent`. A single run has no dimension `run`; an interrupted run is as long as its
+            samples.
         in_band : bool
-            True for the responses as they are judged against the target: in the control band, without their static
-            part, divided by the level of their playback. There are those of iterations, of all where no run is given,
-            and of confirmations.
+            True for the responses in the form used for judging: in the control band, without their static part, divided
+            by the level of their playback. They exist for iterations (all if no run is given) and confirmations.
 
         Returns
         -------
@@ -386,15 +385,15 @@ class Recording:
             A variable for each channel over `run` and `time` in s, with its unit in the attribute `units`; the
             coordinate `iteration` is 0 for a run that is not an iteration, and `level` NaN for one that was not judged.
             `responses().sel(time=slice(20, 30))` reads ten seconds. The coordinate `band` and the attributes
-            `quantity`, `band`, `lowest_frequency`, `highest_frequency`, `static_part` and `level` say what they are:
-            the difference with what is in another band raises InputError.
-            It is the caller's own: what is done in place on it changes nothing that is asked for later.
+            `quantity`, `band`, `lowest_frequency`, `highest_frequency`, `static_part` and `level` describe the signals;
+            a difference with signals of another band raises InputError.
+            Changes of the dataset in place do not affect later calls.
 
         Raises
         ------
         InputError
-            A run that is not a string, no signals of such a run or of any iteration, runs of different lengths, or a
-            file that is damaged or was never finished; in band, a run that was not judged.
+            A run is not a string or has no signals, no iteration has signals, the runs differ in length, a file is
+            damaged or unfinished, or, in band, a run was not judged.
         """
         from duralab.recording.arrays import Direction
 
@@ -403,24 +402,24 @@ class Recording:
         return self._signals(runs, Direction.RESPONSE)
 
     def error(self, *runs: str) -> xarray.Dataset:
-        """Return target minus response of playbacks, in the control band, as it is judged.
+        """Return target minus response of playbacks, in the form used for judging, in the control band.
 
         Parameters
         ----------
         *runs : str
-            Names of iterations or confirmations; all iterations where none is given.
+            Names of iterations or confirmations; all iterations if none is given.
 
         Returns
         -------
         xarray.Dataset
-            As `target(in_band=True) - responses(*runs, in_band=True)`, with attributes. The RMS over `time` of a
-            channel, over that of its target, is the `relative_rms_error` of `iterations`. The error of a playback at
-            partial level is divided by its level.
+            Equal to `target(in_band=True) - responses(*runs, in_band=True)`, with attributes. A channel's RMS over
+            `time`, divided by that of its target, is the `relative_rms_error` of `iterations`. The error of a playback
+            at partial level is divided by its level.
 
         Raises
         ------
         InputError
-            A run that is not a string or was not judged, or a file that is damaged.
+            A run is not a string or was not judged, or a file is damaged.
         """
         return self._judged(runs, quantity="error")
 
@@ -450,7 +449,7 @@ class Recording:
         )
 
     def _require_one_band(self, runs: Sequence[str]) -> None:
-        """Refuse responses in several control bands at once, as in a campaign whose band was changed by a decision."""
+        """Refuse runs of several control bands, as in a campaign whose band was changed by a decision."""
         steps = (*self.messages(iterator_pb2.IterationStep), *self.messages(iterator_pb2.ConfirmationStep))
         last = len(self._targets) - 1
         others = [step.run for step in steps if (step.run in runs or not runs) and step.judged_target != last]
@@ -489,7 +488,7 @@ class Recording:
 
     @cached_property
     def _played_epochs(self) -> dict[str, int]:
-        # A kill may have come between a step and the proof that its run was recorded.
+        # The process may have been killed between a step and the record that its run was played.
         steps = (*self.messages(iterator_pb2.IterationStep), *self.messages(iterator_pb2.ConfirmationStep))
         named = {step.run: step.signal_epoch for step in steps if step.samples_hash}
         return named | played_epochs(self.messages(recorder_pb2.RunPlayed))
@@ -504,12 +503,12 @@ class Recording:
 
     @cached_property
     def _levels(self) -> dict[str, float]:
-        """Levels of the runs that were judged; the best drive is confirmed at full level."""
+        """Levels of the judged runs; the best drive is confirmed at full level."""
         confirmations = {step.run: 1.0 for step in self.messages(iterator_pb2.ConfirmationStep)}
         return {run: level for run, (_, level) in self._iteration_steps.items()} | confirmations
 
     def _iterations_played_here(self) -> tuple[str, ...]:
-        """Return the runs of the iterations whose signals belong here: of those taken over only the steps do."""
+        """Return the runs of the iterations with signals here; for those taken over only the steps are here."""
         specification = self.specification
         found = tuple(run for run, number in self._iteration_runs.items() if number > specification.parent_iteration)
         if self._iteration_runs and not found:
@@ -521,17 +520,17 @@ class Recording:
 
     @cached_property
     def runs(self) -> tuple[str, ...]:
-        """Names of the playbacks on the rig that were planned, in order."""
+        """Names of the planned runs, in order."""
         return tuple(message.run for message in self.messages(recorder_pb2.RunPlanned))
 
     @cached_property
     def metadata(self) -> dict[str, dict[str, str]]:
-        """Named sets of texts that the recorder wrote."""
+        """Named metadata that the recorder wrote."""
         return self._file.metadata()
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the file, hexadecimal; raises InputError where it is no longer present."""
+        """SHA-256 of the file, hexadecimal; raises InputError if the file no longer exists."""
         try:
             with self.path.open("rb") as stream:
                 return hashlib.file_digest(stream, "sha256").hexdigest()
@@ -539,11 +538,11 @@ class Recording:
             raise InputError(unreadable(self.path, error).message) from error
 
     def __repr__(self) -> str:
-        """Return it on one line, without arrays."""
+        """Return a one-line description without arrays."""
         return f"Recording({str(self.path)!r})"
 
     def __str__(self) -> str:
-        """Return it as a table."""
+        """Return a table as text."""
         return recording_text(self)
 
     def _repr_html_(self) -> str:
@@ -552,7 +551,7 @@ class Recording:
 
 
 def require_run_name(run: object, *, example: str) -> None:
-    """Refuse what is no name of a run, e.g. a list of names; raises InputError with an example of how to ask."""
+    """Refuse a value that is not the name of a run, e.g. a list; raises InputError with an example."""
     if not isinstance(run, str):
         raise InputError(f"A run is {run!r}; give each name as a separate string, e.g. {example}.")
 
@@ -564,7 +563,7 @@ def _true_or_false(in_band: object) -> bool:
 
 
 def open_recording(path: str | Path) -> Recording:
-    """Open a recording, as `duralab.open` too; see `Recording`.
+    """Open a recording; also available as `duralab.open`. See `Recording`.
 
     Parameters
     ----------
@@ -574,13 +573,13 @@ def open_recording(path: str | Path) -> Recording:
     Returns
     -------
     Recording
-        Read as it is asked for.
+        Recording, read on demand.
     """
     return Recording(path)
 
 
 def _target_lines(recording: Recording) -> str:
-    """Return how the target was made, a line for each step."""
+    """Return the steps of making the target as text, a line for each."""
     steps = recording.specification.target_steps
     first = 0 if steps and steps[0].name == READ_FILE else 1
     return "".join(f"target, step {number}, {step.name}: {step.finding}\n" for number, step in enumerate(steps, first))
@@ -593,11 +592,11 @@ def _recording_title(recording: Recording) -> str:
 
 
 def recording_text(recording: Recording) -> str:
-    """Return what a recording holds as text."""
+    """Return a summary of a recording as text."""
     return f"{_recording_title(recording)}\n{_target_lines(recording)}{recording.iterations}"
 
 
 def recording_html(recording: Recording) -> str:
-    """Return the same as HTML."""
+    """Return a summary of a recording as HTML."""
     lines = "".join(f"<p>{escape(line)}</p>" for line in _target_lines(recording).splitlines())
     return f"<p>{escape(_recording_title(recording))}</p>{lines}{iterations_html(recording.iterations)}"

@@ -1,4 +1,4 @@
-"""The report of a campaign, and of several beside each other: one HTML file that opens offline, or a PDF."""
+"""Reports of one campaign or a comparison of several: an offline HTML file, or a PDF."""
 
 from duralab.report.campaign_report import write_report
 from duralab.report.comparison_report import write_comparison

@@ -1,4 +1,4 @@
-"""Use of the actuators beside their limits, formatted for the report."""
+"""Use of the actuators and their limits, formatted for the report."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from duralab.report.held_drives import HeldStretch, Limit, largest_speed
 
 @dataclass(frozen=True)
 class ActuatorRow:
-    """The use of one actuator in the best playback, with a dash for what the rig has not or does not tell.
+    """Use of one actuator in the best playback; a dash for values that the rig does not have or report.
 
-    `speed_percent` is None where no limit of speed is stated.
+    `speed_percent` is None if no speed limit is stated.
     """
 
     title: str
@@ -27,7 +27,7 @@ class ActuatorRow:
 
 
 def actuator_rows(uses: Sequence[ActuatorUse], drive: Signals) -> list[ActuatorRow]:
-    """Return how each actuator was used by a drive."""
+    """Return the use of each actuator by a drive."""
     rows = {channel.name: row for row, channel in enumerate(drive.channels)}
     return [
         ActuatorRow(
@@ -51,7 +51,7 @@ def actuator_rows(uses: Sequence[ActuatorUse], drive: Signals) -> list[ActuatorR
 
 @dataclass(frozen=True)
 class HeldRow:
-    """A stretch in which a drive is at a limit, as printed."""
+    """Printed period in which a drive is at a limit."""
 
     drive: str
     limit: str
@@ -60,7 +60,7 @@ class HeldRow:
 
 
 def held_rows(stretches: Sequence[HeldStretch], drives: Sequence[Channel]) -> list[HeldRow]:
-    """Return the stretches in which a drive is at a limit."""
+    """Return the periods in which a drive is at a limit."""
     channels = {channel.name: channel for channel in drives}
     return [
         HeldRow(

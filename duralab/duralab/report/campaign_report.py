@@ -1,4 +1,4 @@
-"""The report of one campaign: figures, tables and the page they stand in."""
+"""Report of one campaign: figures, tables and page."""
 
 from __future__ import annotations
 
@@ -44,19 +44,19 @@ def write_report(source: str | Path | Recording, path: str | Path) -> Path:
     Parameters
     ----------
     source : str, Path or Recording
-        The recording.
+        Recording or its path.
     path : str or Path
-        Where the HTML file goes; an existing file is replaced when the new one is complete.
+        Path of the HTML file; an existing file is replaced when the new one is complete.
 
     Returns
     -------
     Path
-        Where it is.
+        Path of the report.
 
     Raises
     ------
     InputError
-        The recording cannot be read or holds no playback or repeat yet, or `path` is a file of it.
+        The recording cannot be read or has no playback or repeat, or `path` is a file of it.
     """
     recording = source if isinstance(source, Recording) else open_recording(source)
     if recording.is_endurance:
@@ -118,7 +118,7 @@ def render_report(recording: Recording) -> str:
 
 
 def _judged_parts(table: IterationTable, verdict: Verdict, target: Signals, *, slope: int) -> dict[str, Any]:
-    """Return what the page says of the errors."""
+    """Return the page's content about the errors."""
     return {
         "verdict": verdict,
         "tone": TONES[verdict.judgement],
@@ -133,7 +133,7 @@ def _judged_parts(table: IterationTable, verdict: Verdict, target: Signals, *, s
 
 
 def _damage_parts(table: IterationTable, slope: int) -> dict[str, Any]:
-    """Return what the page says of the damage: of the first, the best and the last playback."""
+    """Return the page's content about the damage of the first, the best and the last playback."""
     playbacks = list(dict.fromkeys((0, table.best, len(table) - 1)))
     return {
         "slopes": DAMAGE_SLOPES,
@@ -148,7 +148,7 @@ def _damage_parts(table: IterationTable, slope: int) -> dict[str, Any]:
 
 
 def _model_parts(model: Model | None, band: tuple[float, float]) -> dict[str, Any]:
-    """Return what the page says of the model, empty where there is none."""
+    """Return the page's content about the model, empty if there is none."""
     if model is None:
         return {"model": None, "cells": [], "response_options": [], "distortion": []}
     found = model.distortion
@@ -161,7 +161,7 @@ def _model_parts(model: Model | None, band: tuple[float, float]) -> dict[str, An
 
 
 def _remark_parts(recording: Recording) -> dict[str, Any]:
-    """Return what was remarked, each sentence once, and how well a drive repeated itself."""
+    """Return the remarks, each sentence once, and the repeatability of a drive."""
     remarks = set(recording.remarks)
     status_remarks = recording.status.remarks if recording.status is not None else ()
     return {
@@ -227,7 +227,7 @@ def shown_playbacks(recording: Recording) -> waveforms.Shown:
 
 
 def _repeatability(recording: Recording) -> dict[str, Any] | None:
-    """Return what the report says of a drive that was played again; None where none was."""
+    """Return the content about the repeatability of a drive; None if no drive was repeated."""
     status = recording.status
     if status is None or not status.HasField("repeatability"):
         return None

@@ -1,4 +1,4 @@
-"""Figures of several recordings over each other, each in its own colour."""
+"""Figures that overlay several recordings, each in a separate colour."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ from duralab_loads import count_load_cycles
 class Overlaid:
     """Curves of one recording.
 
-    `name`, `color`: How its curves are called and drawn. `target`: In the control band. `best`: Its best one. `model`:
-    None where it holds none. `band`: Lower and upper edge of the control band, in hertz. `block_samples`: Samples in a
-    block of the spectra.
+    `name`, `color`: Name and colour of the curves. `target`: Target in the control band. `best`: Best playback.
+    `model`: Model; None if the recording has none. `band`: Lower and upper edge of the control band, in hertz.
+    `block_samples`: Number of samples in a block of the spectra.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Overlaid:
 
 
 def overlaid(comparison: Comparison) -> list[Overlaid]:
-    """Read what is drawn of each recording."""
+    """Read the data to draw from each recording."""
     return [
         Overlaid(
             name=entry.name,
@@ -63,13 +63,13 @@ def overlaid(comparison: Comparison) -> list[Overlaid]:
 
 
 def overall_error(comparison: Comparison) -> Figure:
-    """Relative RMS error over all channels after every playback of each recording."""
+    """Return the figure of the relative RMS error over all channels after every playback of each recording."""
     tables = [(entry.name, entry.iterations.numbers, entry.iterations.overall) for entry in comparison.recordings]
     return _over_playbacks(tables, "relative RMS error, all channels")
 
 
 def channel_error(comparison: Comparison, channel: str) -> Figure:
-    """Relative RMS error of one channel after every playback of each recording."""
+    """Return the figure of the relative RMS error of one channel after every playback of each recording."""
     tables = [
         (
             entry.name,
@@ -82,7 +82,7 @@ def channel_error(comparison: Comparison, channel: str) -> Figure:
 
 
 def damage(comparison: Comparison, slope: int) -> Figure:
-    """Damage ratio of every channel of each recording after its best playback."""
+    """Return the figure of the damage ratio of every channel of each recording after its best playback."""
     column = DAMAGE_SLOPES.index(slope)
     data = [
         {
@@ -104,7 +104,7 @@ def damage(comparison: Comparison, slope: int) -> Figure:
 
 
 def waveform(entries: Sequence[Overlaid], channel: str) -> Figure:
-    """Target and last response of each recording around the largest peak of the first one's target."""
+    """Return the figure of target and best response of each recording around the largest peak of the first target."""
     first = entries[0]
     window = zoom_window(first.target)
     start, end = window.start / first.target.sample_rate, window.stop / first.target.sample_rate
@@ -122,7 +122,7 @@ def waveform(entries: Sequence[Overlaid], channel: str) -> Figure:
 
 
 def spectrum(entries: Sequence[Overlaid], channel: str) -> Figure:
-    """Power spectral density of the target and of the last response of each recording."""
+    """Return the figure of the power spectral density of the first target and of each recording's best response."""
     data = []
     for place, entry in enumerate(entries):
         row = entry.target.names.index(channel)
@@ -138,7 +138,7 @@ def spectrum(entries: Sequence[Overlaid], channel: str) -> Figure:
 
 
 def counted(entries: Sequence[Overlaid], channel: str) -> list[CountedLoad]:
-    """Count the load cycles of the first one's target and of the last response of each recording."""
+    """Count the load cycles of the first recording's target and of the best response of each recording."""
     first = entries[0]
     signals = [("target", "@target", first.target.samples[first.target.names.index(channel)])]
     signals += [
@@ -149,7 +149,7 @@ def counted(entries: Sequence[Overlaid], channel: str) -> list[CountedLoad]:
 
 
 def model_elements(entries: Sequence[Overlaid]) -> list[tuple[str, str]]:
-    """Return response and drive of the elements that all models have, by name; empty where one has no model."""
+    """Return response and drive names of the elements common to all models; empty if a recording has no model."""
     models = [entry.model for entry in entries if entry.model is not None]
     if len(models) < len(entries):
         return []
@@ -158,7 +158,7 @@ def model_elements(entries: Sequence[Overlaid]) -> list[tuple[str, str]]:
 
 
 def model_element(entries: Sequence[Overlaid], response: str, drive: str) -> Figure:
-    """Magnitude, phase and coherence of one element of the frequency responses, by each recording."""
+    """Return the figure of magnitude, phase and coherence of one FRF element of each recording."""
     data, title, unit = [], "", ""
     for entry in entries:
         model = entry.model
@@ -219,6 +219,6 @@ def _density(entry: Overlaid, samples: np.ndarray, name: str, color: str, *, wid
     frequency = np.arange(block // 2 + 1) * rate / block
     drawn = (frequency >= entry.band[0] / SHOWN_BEYOND_BAND) & (frequency <= entry.band[1] * SHOWN_BEYOND_BAND)
     drawn &= frequency > 0
-    # The filter's floor, five decades below, would leave nothing of the picture to what is compared.
+    # Omit the filter's floor, five decades below, which would dominate the axis.
     drawn &= density > 1e-5 * density[drawn].max(initial=0.0)
     return line(name, color, width=width, x=encode(frequency[drawn]), y=encode(density[drawn]))

@@ -1,4 +1,4 @@
-"""The report of several recordings beside each other."""
+"""Report that compares several recordings."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ def write_comparison(path: str | Path, recordings: Comparison | Sequence[str | P
     Parameters
     ----------
     path : str or Path
-        Where the HTML file goes; an existing file is replaced when the new one is complete.
+        Path of the HTML file; an existing file is replaced when the new one is complete.
     recordings : Comparison or sequence of str, Path, Recording or Recorded
-        What `compare` returned, or what it takes.
+        Result of `compare`, or recordings for `compare`.
 
     Returns
     -------
     Path
-        Where it is.
+        Path of the report.
 
     Raises
     ------
     InputError
-        What `compare` refuses, or `path` is a file of one of the recordings.
+        `compare` refuses the recordings, or `path` is a file of one of them.
     """
     comparison = recordings if isinstance(recordings, Comparison) else compare(*recordings)
     read = [file for entry in comparison.recordings for file in entry.recording.files]

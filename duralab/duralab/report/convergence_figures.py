@@ -1,4 +1,4 @@
-"""Figures over the playbacks: how the errors fell, how the damage came right, what it asked of the actuators."""
+"""Figures over the playbacks: errors, RMS responses, damage ratios and actuator use."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from duralab.report.drawing import Figure, level_line, level_note, markers, over
 
 
 def error_per_playback(table: IterationTable, *, limit: float | None) -> Figure:
-    """Relative RMS error of every channel after every playback."""
+    """Return the figure of the relative RMS error of every channel after every playback."""
     layout = over_playbacks("relative RMS error", table.numbers)
     layout["yaxis"]["rangemode"] = "tozero"
     if limit is not None:
@@ -22,21 +22,21 @@ def error_per_playback(table: IterationTable, *, limit: float | None) -> Figure:
 
 
 def response_per_playback(table: IterationTable) -> Figure:
-    """RMS response of every channel after every playback."""
+    """Return the figure of the RMS response of every channel after every playback."""
     return _toward_target(table, table.rms_response, "RMS response")
 
 
 def damage_per_playback(table: IterationTable, slope: int) -> Figure:
-    """Damage ratio of every channel after every playback, for an S-N line of one of the slopes told."""
+    """Return the figure of the damage ratio of every channel after every playback, for one of `DAMAGE_SLOPES`."""
     figure = _toward_target(table, table.damage_ratio[:, :, DAMAGE_SLOPES.index(slope)], f"damage ratio, k = {slope}")
     figure["layout"]["yaxis"]["type"] = "log"
-    # On an axis of logarithms a note stands at the logarithm of its value; the line stands at the value itself.
+    # On a logarithmic axis an annotation's position is the logarithm of its value; a line's is the value itself.
     figure["layout"]["annotations"] = [level_note(0.0, "target")]
     return figure
 
 
 def actuator_use_per_playback(actuators: Sequence[Sequence[ActuatorUse]], numbers: Sequence[int]) -> Figure:
-    """Peak of every drive over its limit, for every playback."""
+    """Return the figure of every drive's peak over its limit, for every playback."""
     data = [
         markers(i, use.drive, x=numbers, y=np.array([100 * uses[i].peak_command_ratio for uses in actuators]))
         for i, use in enumerate(actuators[0])

@@ -8,10 +8,10 @@ from typing import Any, Final
 import numpy as np
 
 Figure = dict[str, Any]
-"""A plotly figure, or a part of one, as plain data; a colour "@name" is a colour of the page's theme."""
+"""Plotly figure, or a part of one, as plain data; a colour "@name" is a colour of the page's theme."""
 
 COLORS: Final = 8
-"""So many colours for channels the theme has, "@channel-0" and on; more channels take them again."""
+"""Number of the theme's channel colours, from "@channel-0"; more channels repeat them."""
 
 SYMBOLS: Final = ("circle", "square", "diamond", "triangle-up", "cross", "x", "star", "hexagon")
 
@@ -19,24 +19,24 @@ FREQUENCY_TICKS: Final = [m * 10.0**e for e in range(-2, 4) for m in (1, 2, 5)]
 
 
 def channel_color(row: int) -> str:
-    """Return the colour of a channel, or of a recording, by its place."""
+    """Return the colour of a channel, or of a recording, by its index."""
     return f"@channel-{row % COLORS}"
 
 
 def line(name: str, color: str, *, width: float = 1.4, dash: str = "solid", **curve: object) -> Figure:
-    """Return a curve; `curve` holds its x and y and whatever else plotly.js knows."""
+    """Return a curve; `curve` holds its x and y and other attributes of plotly.js."""
     style = {"color": color, "width": width, "dash": dash}
     return {"type": "scatter", "mode": "lines", "name": name, "line": style, **curve}
 
 
 def markers(row: int, name: str, *, x: Sequence[int], y: np.ndarray) -> Figure:
-    """Return points joined by lines, in a colour and with their own symbol."""
+    """Return points joined by lines, with colour and symbol by `row`."""
     return {
         "type": "scatter",
         "mode": "lines+markers",
         "name": name.replace("_", " "),
         "x": list(x),
-        # The figure of a watched channel without a target is left out: a number that is none is no JSON either.
+        # A monitored channel without a target has NaN, which JSON does not support.
         "y": [float(value) if np.isfinite(value) else None for value in y],
         "line": {"color": channel_color(row), "width": 1.5},
         "marker": {"symbol": SYMBOLS[row % len(SYMBOLS)], "size": 7},
@@ -75,6 +75,6 @@ def level_line(value: float, color: str = "@muted") -> Figure:
 
 
 def level_note(value: float, text: str, color: str = "@muted") -> Figure:
-    """Return words that stand on a `level_line` at its right end."""
+    """Return a text on a `level_line` at its right end."""
     place = {"xref": "paper", "x": 1, "xanchor": "right", "y": value, "yanchor": "bottom", "showarrow": False}
     return {**place, "text": text, "font": {"color": color, "size": 11}}

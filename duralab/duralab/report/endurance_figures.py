@@ -1,4 +1,4 @@
-"""Figures of an endurance test: damage over plan, trends with limits and alarms, samples around an alarm."""
+"""Figures of an endurance test: damage against the plan, trends with limits and alarms, samples around an alarm."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from duralab_proto.v1 import sequencer_pb2
 from duralab_spectra import piece_extremes
 
 MOST_POINTS: Final = 2000
-"""Of a curve over the repeats; a longer one is drawn as its envelope."""
+"""Maximum number of points of a curve over the repeats; a longer one is drawn as its envelope."""
 
 WINDOW_SECONDS: Final = 2.0
-"""Of samples around an alarm: centred on the largest difference."""
+"""Length of the window of samples around an alarm, centred on the largest difference."""
 
 
 def damage_over_plan(recording: EnduranceRecording, planned: np.ndarray) -> Figure:
-    """Return the damage counted after every repeat, over that of the whole schedule."""
+    """Return the damage counted after every repeat, as a share of that planned for the whole schedule."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = 100.0 * damage_so_far(recording) / planned
     curves = [
@@ -41,7 +41,7 @@ def damage_over_plan(recording: EnduranceRecording, planned: np.ndarray) -> Figu
 def trend(recording: EnduranceRecording, deviation: np.ndarray, row: int, *, levels: Levels) -> Figure:
     """Return one statistic of a response over the repeats, a curve for each event, with limits and alarms.
 
-    `deviation`, shape (repeats,): Share of the baseline.
+    `deviation`, shape (repeats,): Deviation as a share of the baseline.
     """
     figure = _per_event(recording, 100.0 * deviation, "deviation [% of the baseline]")
     figure["layout"]["shapes"] += [
@@ -73,7 +73,7 @@ def residual(recording: EnduranceRecording, row: int, columns: Sequence[int]) ->
 
 
 def around_alarm(response: Signals, reference: Signals, row: int, *, names: tuple[str, str]) -> Figure:
-    """Return the response of a repeat over that of an early one, where they differ most."""
+    """Return the response of a repeat and that of an early one, around their largest difference."""
     samples = min(response.samples.shape[1], reference.samples.shape[1])
     ours, theirs = response.samples[row, :samples], reference.samples[row, :samples]
     half = max(1, int(0.5 * WINDOW_SECONDS * response.sample_rate))
@@ -101,7 +101,7 @@ def _per_event(recording: EnduranceRecording, values: np.ndarray, title: str) ->
 
 
 def _over_repeats(repeat: np.ndarray, values: np.ndarray) -> dict[str, Any]:
-    """Return a curve as plotly.js reads it; of a long one least and greatest value of each piece."""
+    """Return a curve for plotly.js; a long one as the smallest and largest value of each piece."""
     known = np.isfinite(values)
     repeat, values = repeat[known], values[known]
     if values.size > MOST_POINTS:

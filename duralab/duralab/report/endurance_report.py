@@ -1,4 +1,4 @@
-"""The report of an endurance test: progress, damage against the plan, trends, alarms, and what was not kept."""
+"""Report of an endurance test: progress, damage against the plan, trends, alarms, and repeats without samples."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from duralab_proto.v1 import sequencer_pb2
 from duralab_schedules import KeepRule, in_bytes
 
 MOST_ALARMS_DRAWN: Final = 24
-"""Alarms whose samples are drawn: aborts first, then the earliest."""
+"""Maximum number of alarms with drawn samples: aborts first, then the earliest."""
 
 MOST_ALARMS_LISTED: Final = 500
 
@@ -33,10 +33,10 @@ _TONES: Final = {
 def write_endurance_report(source: str | Path | EnduranceRecording, path: str | Path) -> Path:
     """Write the report of an endurance test.
 
-    `source`: One of its recordings; the others lie beside it. `path`: The HTML file; an existing one is replaced when
-    the new one is complete.
-    Returns: Where it is.
-    Raises `InputError`: A recording cannot be read or holds no repeat, or `path` is a file of it.
+    `source`: One of its recordings; the others are beside it. `path`: Path of the HTML file; an existing one is
+    replaced when the new one is complete.
+    Returns: Path of the report.
+    Raises `InputError`: A recording cannot be read or has no repeat, or `path` is a file of it.
     """
     recording = source if isinstance(source, EnduranceRecording) else EnduranceRecording(source)
     return write_page(path, lambda: _render(recording), read=recording.files)
@@ -102,7 +102,7 @@ def _words(name: str, prefix: str) -> str:
 
 
 def _verdict(recording: EnduranceRecording) -> str:
-    """Return in a sentence how far it came and what was found."""
+    """Return a sentence about the progress and the alarms."""
     repeats, status = recording.repeats, recording.status
     ended = "It has not ended, or its end is not recorded." if status is None else f"It {_ending(status)}."
     unknown = len(recording.unknown)
@@ -147,7 +147,7 @@ def _ratio_range(counted: np.ndarray, planned: np.ndarray) -> str:
 
 
 def _event_rows(recording: EnduranceRecording) -> list[tuple[str, ...]]:
-    """Return for each event: name, played, planned, not known, samples kept, drives, source of the drive."""
+    """Return a row for each event: name, played, planned, unknown, samples kept, drives, source of the drive."""
     repeats, rows = recording.repeats, []
     for number, (event, planned) in enumerate(
         zip(recording.specification.events, recording.schedule.repeats.values(), strict=True)
@@ -171,13 +171,13 @@ def _trend_figures(recording: EnduranceRecording) -> dict[str, Figure]:
 
 
 def _alarm_figures(recording: EnduranceRecording) -> list[tuple[str, Figure]]:
-    """Return sentence and samples of the alarms that are drawn, over the first repeat of their event that was kept."""
+    """Return sentence and figure of the drawn alarms, compared with the first kept repeat of their event."""
     repeats, found = recording.repeats, []
     ordered = sorted(recording.alarms, key=lambda alarm: (-alarm.level, alarm.repeat))
     for alarm in ordered:
         if len(found) == MOST_ALARMS_DRAWN:
             break
-        # A first repeat with another drive is no reference.
+        # A first repeat with another drive cannot be the reference.
         at = np.flatnonzero(repeats.repeat == alarm.repeat)
         same = (
             repeats.kept & (repeats.event == alarm.event) & (repeats.drive == (repeats.drive[at[0]] if at.size else -1))
@@ -213,12 +213,12 @@ def _alarm_row(recording: EnduranceRecording, alarm: sequencer_pb2.EnduranceAlar
 
 
 def _moment(nanoseconds: int) -> str:
-    """Return nanoseconds since 1970 UTC for people; 0 is not known."""
+    """Return nanoseconds since 1970 UTC as text; a dash for 0, which is unknown."""
     return f"{datetime.fromtimestamp(nanoseconds / 1e9, UTC):%Y-%m-%d %H:%M} UTC" if nanoseconds else "–"
 
 
 def _decision_rows(recording: EnduranceRecording) -> list[tuple[str, ...]]:
-    """Return for each hold: number, next repeat, why, what was decided, by whom, why, when."""
+    """Return a row for each hold: number, next repeat, reason, decision, name, reason of the decision, time."""
     decisions = {decision.hold: decision for decision in recording.messages(sequencer_pb2.EnduranceDecision)}
     rows = []
     for hold in recording.messages(sequencer_pb2.EnduranceHold):
@@ -237,7 +237,7 @@ def _rule_in_words(rule: KeepRule) -> str:
 
 
 def _not_kept_rows(recording: EnduranceRecording) -> list[tuple[str, ...]]:
-    """Return for each event: repeats with statistics only, and which those are, by their ranges."""
+    """Return a row for each event: name, number of repeats without samples, number with samples, and the latter."""
     repeats, rows = recording.repeats, []
     for number, name in enumerate(recording.schedule.events):
         mine = repeats.event == number

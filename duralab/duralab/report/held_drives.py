@@ -1,4 +1,4 @@
-"""Segments in which a drive is held at a limit of its actuator, so that the target is out of reach."""
+"""Segments in which a drive is held at a limit of its actuator, so that the target is unreachable."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ import numpy as np
 from duralab.data import Signals
 
 NEAR: Final = 0.99
-"""Of a limit: from here on a drive is at it. The iterator leaves half a percent where it holds a drive."""
+"""Share of a limit from which a drive counts as at the limit; the iterator holds drives at 99.5 %."""
 
 JOINED_SECONDS: Final = 0.1
-"""Stretches that are closer to each other than this count as one."""
+"""Segments with a smaller gap are joined."""
 
 
 class Limit(StrEnum):
@@ -26,10 +26,10 @@ class Limit(StrEnum):
 
 @dataclass(frozen=True)
 class HeldStretch:
-    """A stretch of a drive in which it is at a limit.
+    """Segment of a drive at a limit.
 
-    `drive`: Name of the channel. `limit`: Travel or speed. `start`, `end`: In seconds. `held_seconds`: How long it is
-    at the limit within the stretch.
+    `drive`: Name of the channel. `limit`: Travel or speed. `start`, `end`: Start and end in seconds. `held_seconds`:
+    Time at the limit within the segment.
     """
 
     drive: str
@@ -40,10 +40,10 @@ class HeldStretch:
 
 
 def held_stretches(drive: Signals) -> list[HeldStretch]:
-    """Return where a drive is at its limits, channel by channel and in order."""
+    """Return the segments in which a drive is at its limits, channel by channel and in order."""
     found = []
     for channel, samples in zip(drive.channels, drive.samples, strict=True):
-        # A limit of 0 that is only stated as a rest position is none; an unlimited one is infinite.
+        # A limit of 0 is a rest position, not a limit; a drive without a limit has infinity.
         travel = np.zeros(samples.size, dtype=bool)
         if channel.maximum > 0.0:
             travel |= samples >= NEAR * channel.maximum
@@ -70,7 +70,7 @@ def _speed(samples: np.ndarray, sample_rate: float) -> np.ndarray:
 
 
 def _stretches(where: np.ndarray, *, gap: int) -> list[tuple[int, int, int]]:
-    """Return first sample, the one after the last, and how many are held, of each stretch."""
+    """Return the first sample, the one after the last, and the number of held samples of each segment."""
     places = np.flatnonzero(where)
     if not places.size:
         return []

@@ -33,7 +33,7 @@ _MULTISINES: Final = frozenset(
 
 
 def identification_in_words(excitation: identifier_pb2.Excitation, estimator: identifier_pb2.Estimator) -> str:
-    """Return what was played and how the model was estimated from it."""
+    """Return the excitation and the estimator as text."""
     return (
         f"{_EXCITATIONS.get(excitation.kind, 'unknown')}, {_spectrum(excitation)}, "
         f"{excitation.duration:g} s; {_ESTIMATORS.get(estimator.kind, 'unknown')}, "

@@ -21,21 +21,21 @@ from duralab_loads import (
 )
 
 LEVELS: Final = 100
-"""Steps of the curves from the least to the greatest value."""
+"""Number of steps of the curves from the smallest to the largest value."""
 
 TIME_CLASSES: Final = 50
-"""Classes of time at level: finer ones show single samples."""
+"""Number of classes of time at level; finer ones would show single samples."""
 
 CLASSES: Final = 32
-"""Classes of range and of mean in a range–mean matrix."""
+"""Number of classes of range and of mean in a range–mean matrix."""
 
 
 @dataclass(frozen=True, eq=False)
 class CountedLoad:
-    """One signal of one channel with its load cycles.
+    """Signal of one channel with its load cycles.
 
-    `name`, `color`: How its curve is called and drawn. `samples`, shape (samples): In the channel's unit. `cycles`:
-    Counted by rainflow.
+    `name`, `color`: Name and colour of its curve. `samples`, shape (samples): Samples in the channel's unit. `cycles`:
+    Cycles counted by rainflow.
     """
 
     name: str
@@ -52,14 +52,14 @@ def counted_loads(shown: Shown, row: int) -> list[CountedLoad]:
 
 
 def range_pairs(counted: Sequence[CountedLoad], unit: str) -> Figure:
-    """Ranges over the number of cycles that reach them."""
+    """Return the figure of ranges over the number of cycles that reach them."""
     top = max((float(load.cycles.ranges.max(initial=0.0)) for load in counted), default=0.0)
     ranges = np.linspace(0.0, top, LEVELS + 1)[1:]
     data = []
     for load in counted:
         exceeded = count_exceeded_ranges(load.cycles, ranges)
         reached = exceeded > 0.0
-        # The curve ends at the largest range itself, not at the last step before it.
+        # The curve ends at the largest range, not at the last step before it.
         largest = load.cycles.ranges.max(initial=0.0)
         x = np.append(exceeded[reached], count_exceeded_ranges(load.cycles, [largest]))
         data.append(_curve(load, x=x, y=np.append(ranges[reached], largest)))
@@ -70,7 +70,7 @@ def range_pairs(counted: Sequence[CountedLoad], unit: str) -> Figure:
 
 
 def level_crossings(counted: Sequence[CountedLoad], unit: str) -> Figure:
-    """Levels over how often they are passed upward."""
+    """Return the figure of levels over the number of upward crossings."""
     levels = _levels(counted, LEVELS)
     data = []
     for load in counted:
@@ -83,7 +83,7 @@ def level_crossings(counted: Sequence[CountedLoad], unit: str) -> Figure:
 
 
 def time_at_level(counted: Sequence[CountedLoad], unit: str) -> Figure:
-    """Levels over the share of the time that is spent at them."""
+    """Return the figure of levels over the share of the time spent at them."""
     edges = _levels(counted, TIME_CLASSES)
     centres = 0.5 * (edges[:-1] + edges[1:])
     data = []
@@ -97,7 +97,7 @@ def time_at_level(counted: Sequence[CountedLoad], unit: str) -> Figure:
 
 
 def range_mean(counted: Sequence[CountedLoad], place: int, unit: str) -> Figure:
-    """Draw how many cycles of each class of range and mean one signal has, with the same classes for all."""
+    """Return the figure of one signal's number of cycles per class of range and mean; all signals share the classes."""
     ranges = np.concatenate([load.cycles.ranges for load in counted])
     means = np.concatenate([load.cycles.means for load in counted])
     top = float(ranges.max(initial=0.0)) or 1.0
@@ -141,7 +141,7 @@ def range_mean(counted: Sequence[CountedLoad], place: int, unit: str) -> Figure:
 
 
 def _levels(counted: Sequence[CountedLoad], steps: int) -> np.ndarray:
-    """Return steps over all that the signals reach; of signals that rest, a step to either side."""
+    """Return steps over the range of all signals; for constant signals, one unit to either side."""
     least = min(float(load.samples.min()) for load in counted)
     greatest = max(float(load.samples.max()) for load in counted)
     margin = 0.0 if greatest > least else 1.0

@@ -10,20 +10,20 @@ from duralab.report.series import encode
 
 
 def contributions(model: Model, band: tuple[float, float]) -> np.ndarray:
-    """Return how much of each response's RMS each drive caused in the experiment."""
+    """Return the share of each response's RMS that each drive caused in the experiment."""
     lines = (model.frequency >= band[0]) & (model.frequency <= band[1])
-    # A line of the band at which nothing was estimated adds nothing.
+    # A line of the band without an estimate (NaN) adds nothing.
     caused = np.nansum(np.abs(model.frf[lines]) ** 2 * model.drive_psd[lines][:, np.newaxis, :], axis=0)
     whole = np.sum(model.response_psd[lines], axis=0)
     return np.sqrt(caused / np.where(whole > 0, whole, np.nan)[:, np.newaxis])
 
 
 def model_element(model: Model, response: int, drive: int, *, band: tuple[float, float]) -> Figure:
-    """Magnitude with its uncertainty, phase and coherence of one element of the FRF matrix."""
+    """Return the figure of magnitude with uncertainty, phase and coherence of one element of the FRF matrix."""
     lines = excited_lines(model)
     frequency, element = encode(model.frequency[lines]), model.frf[lines, response, drive]
     deviation = np.nan_to_num(model.frf_deviation[lines, response, drive])
-    # Two deviations of the complex element to either side; a tenth of the magnitude is as far down as the axis goes.
+    # Two deviations of the complex element to either side; the lower limit is at least a tenth of the magnitude.
     largest = np.abs(element) + 2.0 * deviation
     smallest = np.maximum(np.abs(element) - 2.0 * deviation, 0.1 * np.abs(element))
     y, u = model.responses[response], model.drives[drive]
@@ -66,7 +66,7 @@ def model_element(model: Model, response: int, drive: int, *, band: tuple[float,
 
 
 def coherence(model: Model, *, band: tuple[float, float]) -> Figure:
-    """Multiple coherence of every response."""
+    """Return the figure of the multiple coherence of every response."""
     lines = excited_lines(model)
     data = [
         line(
@@ -88,7 +88,7 @@ def coherence(model: Model, *, band: tuple[float, float]) -> Figure:
 
 
 def condition_number(model: Model, *, band: tuple[float, float]) -> Figure:
-    """Condition number of the drives' cross-spectrum: near 1, the drives are distinguished well."""
+    """Return the figure of the condition number of the drives' cross-spectrum; near 1 the drives are well separated."""
     lines = excited_lines(model)
     return {
         "data": [
@@ -108,7 +108,7 @@ def condition_number(model: Model, *, band: tuple[float, float]) -> Figure:
 
 
 def nonlinearity(model: Model, found: Distortion, response: int, *, band: tuple[float, float]) -> Figure:
-    """Density of one response in the experiment, and of what in it is nonlinear and what is noise."""
+    """Return the figure of the density of one response in the experiment, of its nonlinear part and of its noise."""
     excited, channel = excited_lines(model), model.responses[response]
     curves = [
         ("response", "@target", model.response_psd),
@@ -121,7 +121,7 @@ def nonlinearity(model: Model, found: Distortion, response: int, *, band: tuple[
     for name, color, density in curves:
         if not density.size:
             continue
-        # A difference of two estimates may lie below 0 where there is nothing; the detection lines are not excited.
+        # A difference of two estimates may be below 0 without distortion; the detection lines are not excited.
         drawn = density[:, response] > 0.0
         drawn &= excited if density is model.response_psd else model.frequency > 0.0
         if drawn.any():

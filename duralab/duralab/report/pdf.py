@@ -1,4 +1,4 @@
-"""A report on paper: the same page, printed by a browser that runs without a window."""
+"""Report as PDF: the HTML page, printed by a headless browser."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ BROWSERS: Final = (
     "microsoft-edge",
     "msedge",
 )
-"""Programs that print a page to a file, by name, the first that is found first."""
+"""Names of programs that print a page to a file; the first found is used."""
 
 PATIENCE_SECONDS: Final = 300.0
-"""A browser that takes longer hangs."""
+"""Longest time for printing; a browser that takes longer hangs."""
 
 _MILLISECONDS_OF_THE_PAGE: Final = 60_000
-"""The page's own clock, which runs ahead while nothing is drawn: all figures are there long before."""
+"""Budget of the page's virtual clock, which skips idle time: all figures are complete long before."""
 
 
 def find_browser() -> str | None:
-    """Return the program that can print a report, or None where there is none."""
+    """Return the program that can print a report, or None if there is none."""
     return next((found for name in BROWSERS if (found := shutil.which(name))), None)
 
 
@@ -45,21 +45,21 @@ def write_pdf(source: str | Path | Recording | Comparison, path: str | Path, *, 
     Parameters
     ----------
     source : str, Path, Recording or Comparison
-        The recording, or what `compare` returned.
+        Recording or its path, or result of `compare`.
     path : str or Path
-        Where the file goes; an existing file is replaced when the new one is complete.
+        Path of the PDF; an existing file is replaced when the new one is complete.
     browser : str or None
-        A program of the Chromium family; None takes the first that is found on the search path.
+        Program of the Chromium family; None for the first found on the search path.
 
     Returns
     -------
     Path
-        Where it is.
+        Path of the PDF.
 
     Raises
     ------
     InputError
-        The recording cannot be read or holds no playback yet, or `path` is a file of it.
+        The recording cannot be read or has no playback, or `path` is a file of it.
     LabError
         There is no such browser, or it does not print.
     """
@@ -100,7 +100,7 @@ def _print(program: str, page: Path, printed: Path, *, profile: Path) -> None:
         f"{page.as_uri()}#print",
     ]
     if getattr(os, "geteuid", lambda: 1)() == 0:
-        # A browser's own sandbox does not start for root; what it opens here is the page just written.
+        # A browser's sandbox does not start for root; the browser only opens the page written here.
         arguments.insert(1, "--no-sandbox")
     try:
         done = subprocess.run(arguments, capture_output=True, timeout=PATIENCE_SECONDS, check=False)

@@ -1,4 +1,4 @@
-"""The report of a project: a table of all events, and a section for each."""
+"""Report of a project: a table of all events, and a section for each."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from duralab.report.rendering import render, write_page
 
 @dataclass(frozen=True)
 class EventSection:
-    """An event of a project.
+    """Section of an event of a project.
 
     Parameters
     ----------
     name : str
-        Of the event.
+        Name of the event.
     recording : Recording
-        Of its campaign, with one playback or more.
+        Recording of its campaign, with at least one playback.
     report : str
-        Where its own report is, relative to the page.
+        Path of the event's report, relative to the page.
     """
 
     name: str
@@ -50,20 +50,20 @@ def write_project_report(
     Parameters
     ----------
     path : str or Path
-        Where the HTML file goes; one that is there is replaced when the new one is complete.
+        Path of the HTML file; an existing file is replaced when the new one is complete.
     name, sentence : str
-        Of the project, and what it came to.
+        Name of the project, and its result as a sentence.
     reached : bool
         Whether every event reached its target.
     header, rows : sequence of str
-        The table of results.
+        Header and rows of the table of results.
     events : sequence of EventSection
-        Those that have a result, in the order in which they were made.
+        Events with a result, in the order in which they were made.
 
     Returns
     -------
     Path
-        Where it is.
+        Path of the report.
 
     Raises
     ------
@@ -91,7 +91,7 @@ def write_project_report(
 
 
 def _section(number: int, event: EventSection, figures: dict[str, Figure]) -> dict[str, Any]:
-    """Return what the page says of an event, and add its figures."""
+    """Return the page's content about an event, and add its figures."""
     recording = event.recording
     table, verdict, shown = recording.iterations, recording.verdict, shown_playbacks(recording)
     figures[f"error-{number}"] = convergence_figures.error_per_playback(table, limit=verdict.limits.relative_rms_error)

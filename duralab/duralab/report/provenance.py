@@ -19,7 +19,7 @@ from duralab_settings import DecisionKind
 
 
 def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str, str]]:
-    """Return what was done, as terms and their values."""
+    """Return the method of a campaign, as terms and their values."""
     samples = specification.target.samples.shape
     seconds = samples[1] / specification.target.sample_rate if len(samples) == 2 else 0.0
     stop = specification.stop
@@ -50,7 +50,7 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
 
 
 def _bounds_in_words(stop: iterator_pb2.StopCriteria) -> str:
-    """Return what no playback may pass; empty without a bound, and in recordings from before there were bounds."""
+    """Return the bounds of a playback as text; empty without a bound, and for recordings older than bounds."""
     bounds = {
         "a relative RMS error of {:g}": stop.error_bound,
         "{:g} × the target's peak": stop.peak_bound,
@@ -62,7 +62,7 @@ def _bounds_in_words(stop: iterator_pb2.StopCriteria) -> str:
 
 @dataclass(frozen=True)
 class TargetStepRow:
-    """One step between the measured file and the target, as printed."""
+    """Step between the measured file and the target, formatted."""
 
     number: int
     name: str
@@ -73,7 +73,7 @@ class TargetStepRow:
 
 
 def target_step_rows(specification: iterator_pb2.CampaignSpec) -> list[TargetStepRow]:
-    """Return how the source was edited, in order."""
+    """Return the steps of editing the source, in order."""
     records = [StepRecord.from_message(step) for step in specification.target_steps]
     return [
         TargetStepRow(
@@ -103,7 +103,7 @@ class SourceRow:
 
 
 def source_rows(specification: iterator_pb2.CampaignSpec) -> list[SourceRow]:
-    """Return how each response of a target from a file was read; empty for another target, or an older recording."""
+    """Return the source of each response of a target from a file; empty for another target or an older recording."""
     if not specification.target_steps or specification.target_steps[0].name != READ_FILE:
         return []
     record = StepRecord.from_message(specification.target_steps[0])
@@ -134,7 +134,7 @@ def source_rows(specification: iterator_pb2.CampaignSpec) -> list[SourceRow]:
 
 @dataclass(frozen=True)
 class DecisionRow:
-    """One decision at a hold point, as printed."""
+    """Decision at a hold point, formatted."""
 
     playback: int
     what: str
@@ -144,7 +144,7 @@ class DecisionRow:
 
 
 def decision_rows(recording: Recording) -> list[DecisionRow]:
-    """Return who decided what at hold points, in order."""
+    """Return the decisions at hold points, in order."""
     specification, rows = recording.specification, []
     for message in recording.decision_messages:
         found, before = Decided.from_message(message), specification
@@ -177,11 +177,11 @@ def _band(specification: iterator_pb2.CampaignSpec) -> str:
 
 
 _MADE_BY: Final = "software"
-"""Name under which the recorder says what it was made of; its other notes say what stands elsewhere in the page."""
+"""Name of the recorder's metadata with software versions; its other metadata is shown elsewhere in the page."""
 
 
 def provenance(recording: Recording, best: Playback) -> list[tuple[str, str]]:
-    """Return seeds, versions and hashes: what is needed to make the same recording again, and to see that it is."""
+    """Return seeds, versions and hashes, to reproduce the recording and to verify that it is identical."""
     specification, rig = recording.specification, recording.rig
     rows = [("Campaign", specification.id)]
     if specification.parent:

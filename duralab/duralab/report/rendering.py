@@ -1,4 +1,4 @@
-"""A page from its template: style, script, plotly.js and figures, all within one file that asks for nothing else."""
+"""Rendering of a page from its template: style, script, plotly.js and figures in one self-contained file."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ _PACKAGE: Final = "duralab.report"
 def render(template: str, *, figures: Mapping[str, Figure], package: str = _PACKAGE, **values: Any) -> str:
     """Return a page as HTML.
 
-    `template`: Name of a file of the package; it may extend a template of this folder. `figures`: By the names that the
-    page's plots have: kind, or kind and value joined by a hyphen. `package`: Package that has the template. `**values`:
-    Values that the template names.
-    Returns: The page: style, script and figures within one file.
+    `template`: Name of a file of the package; it may extend a template of this folder. `figures`: Figures by the names
+    of the page's plots: kind, or kind and value joined by a hyphen. `package`: Package with the template. `**values`:
+    Values for the template.
+    Returns: Page with style, script and figures in one file.
     """
     environment = jinja2.Environment(
         loader=jinja2.ChoiceLoader([jinja2.PackageLoader(name, ".") for name in dict.fromkeys((package, _PACKAGE))]),
@@ -42,11 +42,10 @@ def render(template: str, *, figures: Mapping[str, Figure], package: str = _PACK
 
 
 def json_in_html(content: object) -> Markup:
-    """Return JSON that stands in an element of a page as it is, whatever its strings hold.
+    """Return JSON that can be inserted unchanged into an element of a page, with any strings.
 
-    "</script" would end the element, and after "<!--" and "<script" in a string its end tag would not. As escapes of
-    JSON, neither stands in the page; U+2028 and U+2029 end a line of JavaScript and are escapes as all that is not
-    ASCII.
+    "</script" in a string would end the element, and after "<!--" and "<script" its end tag would not. Therefore "<",
+    ">" and "&" are escaped; U+2028 and U+2029, which end a line of JavaScript, are escaped like all that is not ASCII.
     """
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
     return Markup(text.translate({ord(character): f"\\u{ord(character):04x}" for character in "<>&"}))
@@ -55,9 +54,9 @@ def json_in_html(content: object) -> Markup:
 def write_page(path: str | Path, page: Callable[[], str], *, read: Sequence[Path] = ()) -> Path:
     """Write a page; an existing file is replaced when the new one is complete.
 
-    `path`: The HTML file. `page`: Returns the page; called when `path` is found to be another file than those that are
-    read. `read`: Files that the page is made of.
-    Returns: The HTML file.
+    `path`: Path of the HTML file. `page`: Returns the page; called after the check that `path` is none of `read`.
+    `read`: Input files of the page.
+    Returns: Path of the HTML file.
     Raises `InputError`: `path` is one of `read` or cannot be written.
     """
     path = Path(path)

@@ -1,4 +1,4 @@
-"""Sampled curves in a web page: as few points as the eye needs, as few bytes as they take."""
+"""Compact sampled curves for a web page: only visible points, in a compact encoding."""
 
 from __future__ import annotations
 
@@ -11,23 +11,23 @@ import numpy as np
 from duralab_spectra import piece_extremes
 
 POINTS_PER_PERIOD: Final = 10
-"""Of the highest frequency in a curve: its peaks are drawn at 95 % or more."""
+"""Number of points per period of a curve's highest frequency; peaks are drawn at 95 % or more."""
 
 LARGEST_POINTS: Final = 16_000
-"""Of one curve; longer ones are drawn as the envelope of least and greatest value."""
+"""Maximum number of points of a curve; a longer one is drawn as the envelope of smallest and largest value."""
 
 
 def encode(values: np.ndarray) -> dict[str, str]:
-    """Return an array as plotly.js reads it: float32, base64 (a third of the size of decimal digits)."""
+    """Return an array for plotly.js: float32, base64 (a third of the size of decimal digits)."""
     return {"dtype": "f4", "bdata": base64.b64encode(np.ascontiguousarray(values, dtype="<f4").tobytes()).decode()}
 
 
 @dataclass(frozen=True, eq=False)
 class EvenCurve:
-    """A curve over an even grid.
+    """Curve over an even grid.
 
-    `start`, `step`: First abscissa and distance of the next. `values`, shape (points): The ordinates. `is_envelope`:
-    True where least and greatest value of each stretch alternate.
+    `start`, `step`: First abscissa, and step. `values`, shape (points): Ordinates. `is_envelope`: Whether the smallest
+    and largest value of each piece alternate.
     """
 
     start: float
@@ -41,7 +41,7 @@ class EvenCurve:
 
 
 def thin_out(samples: np.ndarray, *, sample_rate: float, highest_frequency: float) -> EvenCurve:
-    """Reduce a band-limited signal to what a plot shows of it."""
+    """Reduce a band-limited signal to the points that a plot needs."""
     stride = max(1, int(sample_rate / (POINTS_PER_PERIOD * highest_frequency)))
     if samples.size <= LARGEST_POINTS * stride:
         return EvenCurve(0.0, stride / sample_rate, samples[::stride], is_envelope=False)

@@ -1,4 +1,4 @@
-"""The numbers of the report, ready to print: one row for each channel, playback or element of the model."""
+"""Formatted numbers of the report: one row for each channel, playback or element of the model."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from duralab.data import DAMAGE_SLOPES, Distortion, IterationTable, Signals, pas
 from duralab_proto.v1 import iterator_pb2
 
 Shown = tuple[str, str]
-"""A figure as printed, and its tone: good, bad, or empty where it is not judged."""
+"""Formatted number, and its tone: good, bad, or empty if it is not judged."""
 
 
 @dataclass(frozen=True)
 class ChannelRow:
-    """One response channel of the best playback in the summary; those beside a limit have a tone."""
+    """Summary of one response channel of the best playback; numbers with a limit have a tone."""
 
     title: str
     target_rms: str
@@ -127,12 +127,12 @@ def damage_sum_rows(table: IterationTable) -> list[tuple[int, list[DamageSpentRo
 
 
 def _figure(value: float) -> str:
-    """Return a figure, or a dash where there is none: that of a watched channel without a target."""
+    """Return a number, or a dash for NaN, as for a monitored channel without a target."""
     return "–" if np.isnan(value) else f"{value:.3f}"
 
 
 def _damage_in_words(ratios: np.ndarray) -> str:
-    """Return the damage ratios of one channel, steepest S-N line last, or a dash where they are not told."""
+    """Return the damage ratios of one channel, highest slope last, or a dash if they are not reported."""
     return "–" if np.isnan(ratios).any() else " / ".join(f"{ratio:.2f}" for ratio in ratios)
 
 
@@ -148,7 +148,7 @@ class RepeatabilityRow:
 
 
 def repeatability_rows(repeatability: iterator_pb2.Repeatability, table: IterationTable) -> list[RepeatabilityRow]:
-    """Return the error of the confirmed drive beside the noise floor, a row for each channel."""
+    """Return the error of the confirmed drive and the noise floor, a row for each channel."""
     rows = []
     for channel, watched in zip(repeatability.channels, table.watched, strict=True):
         error, floor = channel.relative_rms_error, channel.noise_floor
@@ -203,7 +203,7 @@ def playback_rows(table: IterationTable) -> list[PlaybackRow]:
 class ForecastRow:
     """Prediction before a playback for each channel, formatted.
 
-    `cells`: Predicted error with its uncertainty, and what the playback differed by from its prediction.
+    `cells`: Predicted error with its uncertainty, and the playback's deviation from its prediction.
     """
 
     number: int
@@ -228,7 +228,7 @@ def forecast_rows(table: IterationTable) -> list[ForecastRow]:
 
 @dataclass(frozen=True)
 class Cell:
-    """One element of the FRF matrix: which share of the response's RMS the drive caused, 0 to 1."""
+    """Element of the FRF matrix with the share of the response's RMS that the drive caused, 0 to 1."""
 
     response: int
     drive: int
@@ -236,7 +236,7 @@ class Cell:
 
     @property
     def percent(self) -> str:
-        """The share as text."""
+        """Share in percent as text."""
         return f"{100 * self.share:.0f}" if np.isfinite(self.share) else "–"
 
     @property
@@ -255,14 +255,14 @@ def matrix_cells(contributions: np.ndarray) -> list[list[Cell]]:
 
 @dataclass(frozen=True)
 class DamageRow:
-    """Damage ratios of one channel as printed: for each slope one of each playback shown."""
+    """Formatted damage ratios of one channel: for each slope, one of each shown playback."""
 
     title: str
     cells: list[list[str]]
 
 
 def damage_rows(table: IterationTable, playbacks: Sequence[int]) -> list[DamageRow]:
-    """Return the damage ratios of each channel after some playbacks, given by their rows."""
+    """Return the damage ratios of each channel after the playbacks with the given rows."""
     return [
         DamageRow(
             title=name.replace("_", " "),
@@ -280,13 +280,13 @@ def _ratio(value: float) -> str:
 
 
 def shares_in_words(found: Distortion, row: int) -> tuple[str, str]:
-    """Return how much of a response's RMS is nonlinear and how much is noise, in percent."""
+    """Return the nonlinear share and the noise share of a response's RMS, in percent."""
     return f"{100 * found.distortion_share[row]:.2g} %", f"{100 * found.noise_share[row]:.2g} %"
 
 
 @dataclass(frozen=True)
 class ComparedRow:
-    """One channel of a comparison, as printed; `cells` has one for each recording, `least` is the smallest error's."""
+    """Formatted channel of a comparison; `cells` has one entry per recording, `least` is the index of the best one."""
 
     title: str
     cells: list[tuple[str, str, str, str]]
@@ -294,7 +294,7 @@ class ComparedRow:
 
 
 def comparison_rows(comparison: Comparison) -> list[ComparedRow]:
-    """Return error, peak, damage ratios and damage spent of each channel, recording beside recording."""
+    """Return error, peak, damage ratios and damage spent of each channel, for all recordings."""
     rows = []
     for channel in comparison.channels:
         found = comparison.of_channel(channel)

@@ -23,7 +23,7 @@ _LIMITS: Final = {
 
 
 def iteration_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str, str]]:
-    """Return how drives were made, as terms and their values; what was left at nothing special is left out."""
+    """Return the method of making drives, as terms and their values; default settings are omitted."""
     rows = [("Update", _update(specification.update, _names(specification)))]
     if specification.levels:
         rows.append(("Levels", f"{_listed(specification.levels)} of the target in the first playbacks, then all of it"))
@@ -60,7 +60,7 @@ def _update(update: iterator_pb2.UpdateSettings, names: Sequence[str]) -> str:
 
 
 def _plugin_settings(text: str) -> list[str]:
-    """Return names and values of a plug-in's settings; the text itself where a recording holds no JSON object."""
+    """Return names and values of a plug-in's settings; the text itself if it is not a JSON object."""
     try:
         return [f"{name} {value}" for name, value in json.loads(text or "{}").items()]
     except (ValueError, AttributeError):
@@ -91,7 +91,7 @@ def _settings(update: iterator_pb2.UpdateSettings) -> list[str]:
 
 
 def _values(array: array_pb2.Array) -> NDArray[np.float64]:
-    """Return an array of numbers, flat; empty where it was left out."""
+    """Return an array of numbers, flat; empty if it is not set."""
     return np.frombuffer(array.data, dtype="<f8")
 
 

@@ -15,29 +15,29 @@ from duralab.report.held_drives import HeldStretch
 from duralab.report.series import encode, thin_out
 
 ZOOM_SECONDS: Final = 2.0
-"""Length of the window that is shown at the full sample rate."""
+"""Length of the window shown at the full sample rate."""
 
 SHOWN_BEYOND_BAND: Final = 1.4
-"""How far spectra are drawn beyond the control band, as a factor on its edges."""
+"""Factor on the edges of the control band up to which spectra are drawn."""
 
 SPECTRUM_OVERLAP: Final = 0.5
 
 SMALLEST_ERROR_SPAN: Final = 0.05
-"""Of the target's peak: an error is never drawn larger than this would be."""
+"""Smallest span of the error axis, as a share of the target's peak."""
 
 DRAWN_STRETCHES: Final = 200
-"""So many stretches at a limit are marked in a figure."""
+"""Maximum number of marked segments at a limit in a figure."""
 
 DRAWN_LIMIT: Final = 3.0
-"""A limit is drawn where it is below this multiple of the drive's peak; farther off it would flatten the curve."""
+"""A limit is drawn if it is below this multiple of the drive's peak; a larger one would flatten the curve."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
     """Target and playbacks that the report shows.
 
-    `target`: In the control band. `first`, `best`, `last`: Some may be the same object. `band`: Lower and upper edge of
-    the control band, in hertz. `block_samples`: Samples in a block of the spectra.
+    `target`: Target in the control band. `first`, `best`, `last`: Playbacks; some may be the same object. `band`: Lower
+    and upper edge of the control band, in hertz. `block_samples`: Number of samples in a block of the spectra.
     """
 
     target: Signals
@@ -49,7 +49,7 @@ class Shown:
 
     @property
     def curves(self) -> list[tuple[str, str, Playback]]:
-        """Title, colour and playback of each different one, the best on top."""
+        """Title, colour and playback of each different playback, the best on top."""
         curves = []
         if self.first is not self.best:
             curves.append((f"playback {self.first.number}", "@first", self.first))
@@ -62,12 +62,12 @@ class Shown:
 
     @property
     def first_and_best(self) -> list[tuple[str, str, Playback]]:
-        """The same without a last playback that is not the best."""
+        """Curves without a last playback that is not the best."""
         return [curve for curve in self.curves if curve[2] is self.best or curve[2] is self.first]
 
 
 def waveform(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
-    """Target and responses of one channel over the whole length, and below them what is left between them."""
+    """Return the figure of target and responses of one channel over the whole length, with the error below."""
     channel, rate = shown.target.channels[row], shown.target.sample_rate
 
     def curve(samples: np.ndarray) -> Figure:
@@ -76,11 +76,11 @@ def waveform(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
     wanted, best = shown.target.samples[row], shown.best.response_in_band.samples[row]
     data = [line("target", "@target", width=1.8, **curve(wanted))]
     for name, color, playback in shown.curves:
-        # The others are there to compare with the best: a click on the name shows them.
+        # The other playbacks are hidden at first; a click on the name shows them.
         visible = True if playback is shown.best else "legendonly"
         data.append(line(name, color, visible=visible, **curve(playback.response_in_band.samples[row])))
     data.append(line(f"error of playback {shown.best.number}", "@error", yaxis="y2", **curve(wanted - best)))
-    # As large as it is, but not so large that a twentieth of the target looks like much.
+    # Scale the axis to the error, but at least to a twentieth of the target's peak, so that small errors look small.
     span = 1.05 * max(float(np.abs(wanted - best).max()), SMALLEST_ERROR_SPAN * float(np.abs(wanted).max()))
     layout = axes(x="time [s]", y=f"{channel.title} [{channel.unit}]")
     layout["xaxis"] |= {"anchor": "y2"}
@@ -91,7 +91,7 @@ def waveform(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
 
 
 def held_bands(held: Sequence[HeldStretch], *, drive: str | None = None) -> list[Figure]:
-    """Return bands behind the curves where a drive, or any, is at a limit; of many the first ones."""
+    """Return bands behind the curves where the given drive, or any, is at a limit; the first `DRAWN_STRETCHES` only."""
     style = {"type": "rect", "yref": "paper", "y0": 0, "y1": 1, "layer": "below", "fillcolor": "@held"}
     return [
         {**style, "x0": stretch.start, "x1": stretch.end, "line": {"width": 2, "color": "@held"}}
@@ -103,7 +103,7 @@ def held_bands(held: Sequence[HeldStretch], *, drive: str | None = None) -> list
 def zoom_window(target: Signals) -> slice:
     """Return the samples around the largest peak of the target, relative to its channel's RMS."""
     level = duralab_spectra.rms(target.samples)[:, np.newaxis]
-    # The target of a watched channel may be silent.
+    # The target of a monitored channel may be zero.
     relative = np.divide(np.abs(target.samples), level, out=np.zeros_like(target.samples), where=level > 0.0)
     centre = int(np.argmax(relative.max(axis=0)))
     length = min(target.samples.shape[1], round(ZOOM_SECONDS * target.sample_rate))
@@ -112,7 +112,7 @@ def zoom_window(target: Signals) -> slice:
 
 
 def zoomed_waveform(shown: Shown, row: int) -> Figure:
-    """Target and responses of one channel around the target's largest peak, every sample."""
+    """Return the figure of target and responses of one channel around the target's largest peak, with every sample."""
     channel, rate, window = shown.target.channels[row], shown.target.sample_rate, zoom_window(shown.target)
     grid = {"x0": window.start / rate, "dx": 1 / rate}
     data = [line("target", "@target", width=2.2, y=encode(shown.target.samples[row, window]), **grid)]
@@ -130,7 +130,7 @@ def zoomed_waveform(shown: Shown, row: int) -> Figure:
 
 
 def spectrum(shown: Shown) -> list[Figure]:
-    """Power spectral densities of target, responses and the error of the best, one figure for each channel."""
+    """Return a figure for each channel: power spectral densities of target, responses and the best playback's error."""
     samples, rate = shown.target.samples.shape[1], shown.target.sample_rate
     block = min(shown.block_samples, samples - samples % 2)
 
@@ -149,7 +149,7 @@ def spectrum(shown: Shown) -> list[Figure]:
     curves.append((f"error of playback {shown.best.number}", "@error", "solid", density(error)))
     figures = []
     for row, channel in enumerate(shown.target.channels):
-        # Five decades below the target there is nothing to compare: leave the filter's floor out of the picture.
+        # Omit the filter's floor, more than five decades below the maximum.
         top = float(np.log10(max(values[lines, row].max() for _, _, _, values in curves if values[lines, row].any())))
         data = [
             line(
@@ -171,10 +171,10 @@ def spectrum(shown: Shown) -> list[Figure]:
 
 
 def drive(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
-    """Return the best drive of one actuator over the whole length, with its limits where it comes near them."""
+    """Return the best drive of one actuator over the whole length, with the limits that it comes near."""
     signals = shown.best.drive
     channel = signals.channels[row]
-    # Actuators move by millimetres; everything else stays in its own unit.
+    # Displacements are shown in mm; other quantities keep their unit.
     factor, unit = (1000.0, "mm") if channel.unit == "m" else (1.0, channel.unit)
     samples = factor * signals.samples[row]
     curve = thin_out(samples, sample_rate=signals.sample_rate, highest_frequency=shown.band[1])

@@ -1,4 +1,4 @@
-"""Schedules of endurance tests: their events read from drives and recordings, designed and forecast."""
+"""Schedules of endurance tests: read their events from drives and recordings, design and forecast them."""
 
 from duralab.schedule.events import PreparedEvent, prepare_events
 from duralab.schedule.planning import ScheduleForecast, design_schedule, forecast_schedule, load_schedule

@@ -1,4 +1,4 @@
-"""The events of a schedule with their drives, and the damage that one repeat does."""
+"""Events of a schedule with their drives, and the damage of one repeat."""
 
 from __future__ import annotations
 
@@ -18,20 +18,20 @@ from duralab_schedules import Event, EventLoad, Schedule
 
 @dataclass(frozen=True, eq=False)
 class PreparedEvent:
-    """An event with its drive.
+    """Event with its drive.
 
     Parameters
     ----------
     drive : Signals
-        What is played.
+        Drive of the event.
     target : Signals, optional
-        What the response is to be, over the whole band; None where nothing tells it.
+        Target response, over the whole band; None if unknown.
     response : Signals, optional
-        What the best playback measured; None for a drive that is not from a recording.
+        Measured response of the best playback; None for a drive that is not from a recording.
     source : str
-        Where the drive comes from, as text.
+        Source of the drive, as text.
     campaign : str
-        Campaign that made the drive; empty where none did.
+        Campaign that made the drive; empty if none did.
     exponent : float
         Slope of the S-N line.
     """
@@ -45,13 +45,13 @@ class PreparedEvent:
 
     @property
     def load(self) -> EventLoad:
-        """One repeat: samples, and the damage of the response, or of the target where no response is known."""
+        """Load of one repeat: samples, and damage of the response, or of the target without a response."""
         measured = self.response or self.target
         return EventLoad(
             samples=self.drive.samples.shape[1],
             sample_rate=self.drive.sample_rate,
             drives=len(self.drive.channels),
-            # Of a drive file alone, the rig's are not known here; most rigs have as many.
+            # For a drive file alone the number of responses is unknown; most rigs have as many as drives.
             responses=len((measured or self.drive).channels),
             damage=None if measured is None else damage_of(measured, self.exponent),
         )
@@ -69,14 +69,14 @@ def prepare_events(schedule: Schedule, *, recordings: Path | None = None) -> dic
     Parameters
     ----------
     schedule : Schedule
-        Its relative paths start in its folder.
+        Schedule; its relative paths start in its folder.
     recordings : Path, optional
         Folder of a recorder, for events that name a recording by its id.
 
     Returns
     -------
     dict of str to PreparedEvent
-        By event, in the schedule's order.
+        Events by name, in the schedule's order.
 
     Raises
     ------
@@ -105,7 +105,7 @@ def _prepared(schedule: Schedule, event: Event, recordings: Path | None) -> Prep
 
 
 def _find(given: str, folder: Path, recordings: Path | None) -> Path:
-    """Return the file of a drive: a path, a campaign's folder, or the id of a recording."""
+    """Return the file of a drive given as a path, a campaign's folder, or the id of a recording."""
     path = folder / given
     candidates = [path, path / "recording.mcap", *([recordings / f"{given}.mcap"] if recordings else [])]
     for candidate in candidates:

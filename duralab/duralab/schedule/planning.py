@@ -1,4 +1,4 @@
-"""Design and forecast of a schedule: planned damage, repeats, what they come to."""
+"""Design and forecast of a schedule: planned damage, repeats, totals."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ _CHANNELS = ("channel", "planned damage", "damage", "ratio")
 
 @dataclass(frozen=True, eq=False)
 class ScheduleForecast:
-    """A schedule with what it comes to; prints as a table.
+    """Schedule with its totals; prints as a table.
 
     Parameters
     ----------
     schedule : Schedule
-        With the repeats of every event.
+        Schedule with the repeats of every event.
     events : dict of str to PreparedEvent
-        Its events with their drives.
+        Events with their drives.
     planned : dict of str to float
         Planned damage by response; empty without a plan.
     forecast : Forecast
-        Duration, damage, bytes on disk.
+        Duration, damage and bytes on disk.
     notes : tuple of str
-        Sentences: what the plan leaves out, what is not known.
+        Sentences about channels outside the plan, and about unknown damage.
     """
 
     schedule: Schedule
@@ -59,12 +59,12 @@ class ScheduleForecast:
 
     @property
     def misfit(self) -> float:
-        """Root mean square over the planned channels of damage over planned damage, less 1; NaN without a plan."""
+        """Root mean square over the planned channels of (damage / planned damage - 1); NaN without a plan."""
         return float(np.sqrt(np.mean([(ratio - 1.0) ** 2 for ratio in self.forecast.ratio.values()] or [np.nan])))
 
     @property
     def self_contained(self) -> Schedule:
-        """The schedule with its plan as damage by response, so that it is known without the files of a mix."""
+        """Schedule with its plan as damage by response, so that it does not need the files of a mix."""
         if self.schedule.plan is None:
             return self.schedule
         plan = DamagePlan(damage=self.planned, largest_ratio=self.schedule.plan.largest_ratio)
@@ -76,12 +76,12 @@ class ScheduleForecast:
         Parameters
         ----------
         free_bytes : int, optional
-            Free on the disk of the recordings; not checked where left out.
+            Free bytes on the disk of the recordings; not checked if not given.
 
         Raises
         ------
         InputError
-            More damage than planned, or a recording that is longer than the disk holds.
+            The damage is more than planned, or the disk has too little space for the recording.
         """
         try:
             require_within_plan(self.forecast, self.schedule)
@@ -139,12 +139,12 @@ def load_schedule(path: str | Path) -> Schedule:
     Parameters
     ----------
     path : str or Path
-        The YAML.
+        Path of the YAML file.
 
     Returns
     -------
     Schedule
-        Checked; its relative paths start in the folder of the file.
+        Checked schedule; its relative paths start in the folder of the file.
 
     Raises
     ------
@@ -164,7 +164,7 @@ def forecast_schedule(schedule: Schedule, *, recordings: Path | None = None) -> 
     Parameters
     ----------
     schedule : Schedule
-        With the repeats of every event.
+        Schedule with the repeats of every event.
     recordings : Path, optional
         Folder of a recorder, for events that name a recording by its id.
 
@@ -184,24 +184,24 @@ def forecast_schedule(schedule: Schedule, *, recordings: Path | None = None) -> 
 
 
 def design_schedule(schedule: Schedule, *, recordings: Path | None = None) -> ScheduleForecast:
-    """Choose the repeats of the events that have none, so that the damage of all channels meets the plan.
+    """Choose the repeats of the events without repeats, so that the damage of all channels meets the plan.
 
     Parameters
     ----------
     schedule : Schedule
-        With a plan; repeats that are given stay as they are.
+        Schedule with a plan; given repeats are unchanged.
     recordings : Path, optional
         Folder of a recorder, for events that name a recording by its id.
 
     Returns
     -------
     ScheduleForecast
-        The designed schedule and what it comes to, with the ratio of each channel.
+        Designed schedule and its totals, with the damage ratio of each channel.
 
     Raises
     ------
     InputError
-        Nothing is left to design, the plan is missing, or a drive, target or damage is.
+        No event is left to design, or the plan, a drive, a target or a damage is missing.
     """
     if schedule.plan is None:
         raise InputError("The schedule has no plan; give plan.damage or plan.mix.", field="plan")
@@ -254,7 +254,7 @@ def _with_forecast(
 def _planned_damage(
     schedule: Schedule, events: Mapping[str, PreparedEvent]
 ) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return the planned damage of each channel, and what the plan leaves out."""
+    """Return the planned damage of each channel, and notes on channels outside the plan."""
     plan = schedule.plan
     if plan is None:
         return {}, ()
@@ -289,6 +289,6 @@ def _planned_damage(
 
 
 def _responses(events: Mapping[str, PreparedEvent]) -> tuple[str, ...]:
-    """Return the names of the responses, of the first event that knows them."""
+    """Return the names of the responses, from the first event with a response or target."""
     measured = (event.response or event.target for event in events.values())
     return next((signals.names for signals in measured if signals is not None), ())

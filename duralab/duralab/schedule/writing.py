@@ -1,4 +1,4 @@
-"""A schedule as the text of its file."""
+"""Text of a schedule file."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ def schedule_text(schedule: Schedule, *, folder: Path) -> str:
     Parameters
     ----------
     schedule : Schedule
-        What is written; keys at their default are left out.
+        Schedule to write; keys at their default are omitted.
     folder : Path
-        Where the file is to stand: relative paths are written from there.
+        Folder of the file, the base of its relative paths.
 
     Returns
     -------
     str
-        YAML that `load_schedule` reads as the same schedule.
+        YAML text from which `load_schedule` reads the same schedule.
     """
     content = schedule.model_dump(mode="json", exclude_defaults=True)
     targets = [*content["events"].values(), *content.get("plan", {}).get("mix", {}).values()]
     for section in targets:
         for key in ("drive", "target"):
-            # An id of a recording is no path, and stays.
+            # The id of a recording is not a path and is unchanged.
             if key in section and (schedule.folder / section[key]).exists():
                 section[key] = Path(os.path.relpath(schedule.folder / section[key], folder)).as_posix()
     return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)

@@ -1,4 +1,4 @@
-"""Members of a secured lab and their certificates, and the refusals in its router's log."""
+"""Members of a secured lab, their certificates, and refusals in its router's log."""
 
 from duralab.security.certificates import (
     AUTHORITY,

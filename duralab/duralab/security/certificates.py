@@ -1,7 +1,7 @@
-"""The certificates of a secured lab: its own authority, and one certificate for each who may join.
+"""Certificates of a secured lab: its authority, and one certificate for each member.
 
 A folder holds `ca.crt` and `ca.key`, and a pair `<role>.<name>.crt` and `.key` for each member. Keys are readable by
-their owner only. `ca.key` makes anybody a member of the lab: keep it off the machines that only need their own pair.
+their owner only. With `ca.key` new members can be made: do not copy it to machines that only need their own pair.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ AUTHORITY: Final = "ca"
 """Name of the authority's files."""
 
 LARGEST_BYTES: Final = 2**20
-"""Of a certificate or key file; one has a few thousand."""
+"""Largest size of a certificate or key file; a usual one has a few thousand bytes."""
 
 _KEY_MODE: Final = 0o600
 _CERTIFICATE_MODE: Final = 0o644
@@ -41,11 +41,12 @@ _CERTIFICATE_MODE: Final = 0o644
 
 @dataclass(frozen=True)
 class CertificateFile:
-    """One certificate of a folder.
+    """Certificate in a folder.
 
-    `name`: Common name, e.g. "operator.anna"; "ca" for the authority. `path`: Of the certificate; the key is beside it.
-    `begins`, `expires`: When it is valid. `hosts`: Names and addresses it stands for; of a router only. `fingerprint`:
-    SHA-256, in hexadecimal digits. `member`: Whose it is; None of the authority and of one that names no member.
+    `name`: Common name, e.g. "operator.anna"; "ca" for the authority. `path`: Path of the certificate; the key is
+    beside it. `begins`, `expires`: Period of validity. `hosts`: Names and addresses of a router; otherwise empty.
+    `fingerprint`: SHA-256, in hexadecimal digits. `member`: Its member; None for the authority and for a certificate
+    that names no member.
     """
 
     name: str
@@ -58,11 +59,11 @@ class CertificateFile:
 
     @property
     def key(self) -> Path:
-        """Path of its private key."""
+        """Path of the private key."""
         return self.path.with_suffix(".key")
 
     def days_left(self) -> float:
-        """Return how long it is still valid, in days; negative when it has expired."""
+        """Return the remaining validity in days; negative if expired."""
         return (self.expires - datetime.now(UTC)) / timedelta(days=1)
 
 
@@ -75,7 +76,7 @@ def read_certificates(folder: Path) -> list[CertificateFile]:
 
 
 def read_certificate(folder: Path, name: str) -> CertificateFile:
-    """Return what a certificate of a folder says."""
+    """Return the data of a certificate in a folder."""
     path = folder / f"{name}.crt"
     certificate = load_certificate(path)
     try:
@@ -99,7 +100,7 @@ def read_certificate(folder: Path, name: str) -> CertificateFile:
 
 
 def load_certificate(path: Path) -> x509.Certificate:
-    """Return a certificate, or raise InputError with one sentence."""
+    """Return a certificate; raises InputError if it cannot be read."""
     try:
         return x509.load_pem_x509_certificate(read_regular(path, largest=LARGEST_BYTES))
     except OSError as error:
@@ -116,7 +117,7 @@ def load_certificate(path: Path) -> x509.Certificate:
 
 
 def expect_free(folder: Path, name: str) -> None:
-    """Raise InputError where there is a certificate or a key of that name."""
+    """Raise InputError if there is a certificate or a key of that name."""
     for path in (folder / f"{name}.crt", folder / f"{name}.key"):
         if path.exists():
             raise InputError(f"{path} already exists and is not overwritten; `duralab certs renew {name}` does so.")
@@ -125,7 +126,7 @@ def expect_free(folder: Path, name: str) -> None:
 def write_pair(
     folder: Path, name: str, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey
 ) -> CertificateFile:
-    """Write a certificate and its key, in the place of those that are there."""
+    """Write a certificate and its key; replace existing ones."""
     content = key.private_bytes(
         serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, serialization.NoEncryption()
     )
@@ -141,7 +142,7 @@ def write_pair(
 
 
 def _replace(path: Path, content: bytes, *, mode: int) -> None:
-    """Write a file as a whole, never readable by others for a moment."""
+    """Write a file atomically; it is never readable by other users."""
     fresh = path.with_name(f".{path.name}.{os.getpid()}")
     descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | OPEN_BINARY, mode)
     try:
@@ -160,18 +161,18 @@ def _replace(path: Path, content: bytes, *, mode: int) -> None:
 AUTHORITY_DAYS: Final = 3650
 DEFAULT_DAYS: Final = 365
 DEFAULT_HOSTS: Final = ("localhost", "127.0.0.1")
-"""Names of the router where none are given: clients of the same machine only."""
+"""Default names of the router: for clients of the same machine only."""
 
 _AUTHORITY_OF: Final = "Duralab "
 # X.509 allows a common name 64 characters.
 _LONGEST_LAB: Final = 64 - len(_AUTHORITY_OF)
-# Clocks of a lab differ a little: a certificate is valid on all its machines at once.
+# Clocks of a lab differ slightly: with this margin a new certificate is valid on all machines at once.
 _CLOCK_SKEW: Final = timedelta(minutes=5)
 _HOST = re.compile(r"(?!-)[a-z0-9-]{1,63}(?<!-)(\.(?!-)[a-z0-9-]{1,63}(?<!-))*", re.IGNORECASE)
 
 
 def init_authority(folder: Path, *, lab: str = "local") -> CertificateFile:
-    """Make the authority of a lab, `ca.crt` and `ca.key`, in a folder for its owner only."""
+    """Make the authority of a lab, `ca.crt` and `ca.key`, in a folder that only its owner can read."""
     _check_lab(lab)
     expect_free(folder, AUTHORITY)
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, f"{_AUTHORITY_OF}{lab}")])
@@ -183,22 +184,22 @@ def issue(
 ) -> CertificateFile:
     """Issue a certificate and its private key to a member.
 
-    `begins`: With its time zone; now where not given.
+    `begins`: Begin of its validity, with time zone; now if not given.
     """
     expect_free(folder, entry.member.common_name)
     return _write_certificate(folder, entry, days=days, begins=begins)
 
 
 def issue_missing(folder: Path, members: Sequence[MemberEntry], *, days: int = DEFAULT_DAYS) -> list[CertificateFile]:
-    """Issue certificates to all members that have none; raise InputError where one says what the members do not."""
+    """Issue certificates to all members without one; raise InputError if a certificate contradicts the members."""
     missing = [entry for entry in members if not _agrees(folder, entry)]
     return [issue(folder, entry, days=days) for entry in missing]
 
 
 def renew(folder: Path, name: str, *, members: Sequence[MemberEntry] = (), days: int | None = None) -> CertificateFile:
-    """Replace the certificate of one of the members and its key by new ones, as the members now say.
+    """Replace the certificate and the key of a member by new ones, from the present list of members.
 
-    "ca" renews the authority with the key that it has, so that what it issued stays valid.
+    "ca" renews the authority with its existing key, so that issued certificates stay valid.
     """
     if name == AUTHORITY:
         certificate, key = _authority(folder)
@@ -218,9 +219,9 @@ def configure_router(
     certificates: str,
     port: int = DEFAULT_PORT,
 ) -> str:
-    """Return the configuration of a router, as JSON5: it admits the members, each on its own keys.
+    """Return the configuration of a router, as JSON5: it admits the members, each for its own keys of the bus.
 
-    A certificate whose name is not listed is of no use. `certificates`: Where the router finds its own pair and
+    A certificate with a name that is not listed is refused. `certificates`: Folder on the router with its own pair and
     `ca.crt`.
     """
     _check_lab(lab)
@@ -240,7 +241,7 @@ def configure_router(
 
 
 def _agrees(folder: Path, entry: MemberEntry) -> bool:
-    """Return whether a member has a certificate; raise InputError where it says other than the members do."""
+    """Return whether a member has a certificate; raise InputError if it contradicts the members."""
     name = entry.member.common_name
     if not (folder / f"{name}.crt").exists():
         return False
@@ -324,7 +325,7 @@ def _write_certificate(
     ]
     if names:
         builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
-    # A client's certificate is of no use to pose as the router.
+    # With this purpose, a client's certificate cannot be used as a router's.
     purpose = ExtendedKeyUsageOID.SERVER_AUTH if server else ExtendedKeyUsageOID.CLIENT_AUTH
     certificate = (
         builder.add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)

@@ -1,7 +1,7 @@
-"""The members of a lab in a YAML file: who joins, in which role, for which rigs or project.
+"""Members of a lab in a YAML file: names, roles, and rigs or project.
 
-Certificates and the router's access control are made from it. Who is taken out of the file is let in no more, also with
-a certificate that is still valid.
+Certificates and the router's access control are made from it. The router refuses a member that was removed from the
+file, even if its certificate is still valid.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _MOST_MEMBERS: Final = 1000
 
 
 class MemberEntry(Section):
-    """One member, as the file lists it."""
+    """Entry of one member in the file."""
 
     role: str = Field(description=f"One of {', '.join(MEMBER_ROLES)}.")
     name: str = Field(description="With the role it is the common name of the certificate, e.g. operator.anna.")
@@ -46,12 +46,12 @@ class MemberEntry(Section):
 
     @property
     def member(self) -> Member:
-        """The member; raises ValueError with one sentence where it cannot be one."""
+        """Member; raises ValueError with one sentence if the entry is not allowed."""
         return Member(self.role, self.name, self.rigs, self.project)
 
 
 class MembersFile(Section):
-    """The members of one lab; no two of one name, one router, one member for each rig."""
+    """Members of one lab: unique names, one router, one member for each rig."""
 
     members: tuple[MemberEntry, ...] = Field(strict=False, max_length=_MOST_MEMBERS, description="All of them.")
 
@@ -72,22 +72,22 @@ class MembersFile(Section):
 
 
 def read_members(path: Path) -> tuple[MemberEntry, ...]:
-    """Return the members that a file lists.
+    """Return the members in a file.
 
     Parameters
     ----------
     path : Path
-        A YAML file with a list `members`; each has `role` and `name`, and may have `rigs`, `project` or `hosts`.
+        YAML file with a list `members`; each has `role` and `name`, and may have `rigs`, `project` or `hosts`.
 
     Returns
     -------
     tuple of MemberEntry
-        In the order of the file: exactly one router, no name twice, no rig of two members.
+        Members in the order of the file: exactly one router, unique names, no rig of two members.
 
     Raises
     ------
     InputError
-        One sentence: the file cannot be read or is not YAML, a key or value is not allowed.
+        The file cannot be read or is not YAML, or a key or value is not allowed.
     """
     try:
         return load_config(MembersFile, path).members

@@ -1,8 +1,8 @@
 """Refusals of a router, read from the log of its access control.
 
 Zenoh logs every decision of its access control at level trace and a refused certificate as a warning, with
-`RUST_LOG=warn,zenoh_link_tls::unicast=debug,zenoh::net::routing::interceptor::access_control=trace`. Between the real
-attempts stand the answers to all questions that could be asked of a key, looked up in advance; they are left out here.
+`RUST_LOG=warn,zenoh_link_tls::unicast=debug,zenoh::net::routing::interceptor::access_control=trace`. The log also
+contains lookups of all permissions of a key in advance, which are no attempts; they are skipped here.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ _TLS: Final = "zenoh_link_tls::unicast"
 
 @dataclass(frozen=True)
 class Refusal:
-    """One thing that a router refused: when (ISO 8601 in UTC), and to whom by certificate or Zenoh's id of the session.
+    """Refusal of a router, with time (ISO 8601 in UTC), common name of the certificate, and Zenoh's session id.
 
-    `what`: In Zenoh's words: "Put", "Query", "Declare Subscriber", …; or "join" of a link. `key`: On which key or key
-    expression; of a link, why it was refused.
+    `what`: Zenoh's name of the action: "Put", "Query", "Declare Subscriber", …; or "join" for a link. `key`: Key or key
+    expression; for a link, the reason.
     """
 
     time: str
@@ -45,9 +45,9 @@ class Refusal:
 
 
 def read_refusals(lines: Iterable[str]) -> Iterator[Refusal]:
-    """Yield what the lines of a router's log say was refused; other lines are passed over."""
+    """Yield the refusals in the lines of a router's log; skip other lines."""
     names: dict[str, str] = {}
-    # A thread looks up all permissions of a key in one go; what other threads log comes in between.
+    # A thread looks up all permissions of a key in sequence; lines of other threads may be in between.
     in_advance: set[str] = set()
     for raw in lines:
         line = _LINE.match(_COLOUR.sub("", raw.rstrip("\n")))

@@ -1,4 +1,4 @@
-"""Sweeps: one campaign many times, on all cores or on a cluster, compared; needs the extra `duralab[sweeps]`."""
+"""Sweeps: comparison of many variants of a campaign, run on all cores or a cluster; needs `duralab[sweeps]`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Work for one point: a cell, a campaign in it, its outcome on disk."""
+"""Task of one point of a sweep: start a cell, run a campaign in it, write its outcome to disk."""
 
 from __future__ import annotations
 
@@ -37,28 +37,28 @@ from duralab_bus import (
 )
 
 HOSTED_WORKERS: Final = 16
-"""Threads that answer queries where four services share a bus: as many as they have by themselves."""
+"""Number of threads that answer queries on a bus shared by four services: the sum of their separate numbers."""
 
 LIVE_SECONDS: Final = 30.0
-"""Longest time until services that stand know of each other."""
+"""Longest time until started services find each other."""
 
 KEPT_BYTES: Final = 128 * 2**20
-"""Of memory that a campaign freed and the next one needs."""
+"""Freed memory in bytes that a worker keeps for the next campaign."""
 
 LARGEST_CELL_BYTES: Final = 2 * 2**30
-"""Of the recordings that a cell holds beside those that were fetched, before it is made again."""
+"""Size of the recordings in a cell, fetched or not, above which the cell is replaced."""
 
 
 @contextmanager
 def open_cell(kind: CellKind, *, rigs: Sequence[str], specimens: Sequence[SpecimenText], folder: Path) -> Iterator[Lab]:
-    """Start a lab for one campaign at a time; it is ended with the block."""
-    # The whole folder goes with the cell: what of a campaign that failed is not fetched is not kept.
+    """Start a lab for one campaign at a time until the block ends."""
+    # The whole folder is deleted with the cell, also recordings of failed campaigns that were not fetched.
     place = RecordingsPlace(passing=folder)
     paths = {specimen.rig: specimen.write(folder / "specimens") for specimen in specimens}
     plans = lab_services(rigs=rigs, recordings=folder / "recordings", viewer=None, specimens=paths, live_file=False)
     with ExitStack() as stack:
         try:
-            # The default: a peer that listens on a free port of loopback.
+            # By default the bus is a peer that listens on a free port of loopback.
             bus = stack.enter_context(open_bus(BusConfig(), service="cell", workers=HOSTED_WORKERS))
             if kind is CellKind.LAB:
                 supervisor = stack.enter_context(Supervisor(plans, bus=bus, logs=folder / "logs"))
@@ -66,7 +66,7 @@ def open_cell(kind: CellKind, *, rigs: Sequence[str], specimens: Sequence[Specim
                 yield Lab(bus, out=folder / "out", supervisor=supervisor, recordings=place)
                 return
             stack.enter_context(host_services(bus, _hosted(plans)))
-            # What was declared is known a moment later, in the same process too.
+            # Declarations take some time to become visible, also within one process.
             instances = {(plan.name, instance) for plan in plans for instance in plan.instances}
             bus.wait_for_live(instances, LIVE_SECONDS)
         except (BusError, ConfigError, FaultError) as error:
@@ -75,16 +75,16 @@ def open_cell(kind: CellKind, *, rigs: Sequence[str], specimens: Sequence[Specim
 
 
 def _hosted(plans: Sequence[ServicePlan]) -> dict[str, dict[str, object]]:
-    """Return the settings of services in one process, the recorder first, so that it goes last."""
+    """Return the settings of services in one process; the recorder starts first, so that it ends last."""
     settings = {plan.name: dict(plan.settings) for plan in reversed(plans)}
-    # What is not yet stored need not outlive a process whose recorder goes with it, and every cell has new specimens.
+    # No spool is needed, because the recorder ends with the process; no wear folder, because specimens are new.
     for folder in ("spool_folder", "wear_folder"):
         settings["rig_sim"].pop(folder, None)
     return settings
 
 
 class KeptCell:
-    """The cell of a worker: kept from one campaign to the next while they need the same rigs."""
+    """Cell of a worker, kept for the next campaign if that needs the same rigs."""
 
     def __init__(self, folder: Path) -> None:
         self._folder = folder
@@ -94,7 +94,7 @@ class KeptCell:
         self._place = Path()
 
     def lab(self, kind: CellKind, *, rigs: tuple[str, ...], specimens: tuple[SpecimenText, ...]) -> Lab:
-        """Return a lab with these rigs: the one that is there, or a new one in its place."""
+        """Return a lab with these rigs: the existing one, or a new one that replaces it."""
         key = (kind, rigs, specimens)
         usable = self._lab is not None and self._key == key and self._lab.failure() is None
         if usable and self._lab is not None and _bytes_in(self._place) < LARGEST_CELL_BYTES:
@@ -111,13 +111,13 @@ class KeptCell:
         return self._lab
 
     def close(self) -> None:
-        """End the lab that is there."""
+        """End the existing lab, if any."""
         self._lab, self._key = None, None
         try:
             self._stack.close()
         except RuntimeError:
-            # Zenoh's binding refuses to withdraw what its own thread has in its hands at this very moment. What
-            # is left of the session is alone in this process and reaches nobody.
+            # Zenoh's binding refuses to undeclare an object that its thread is using at this moment. The rest of
+            # the session stays in this process and has no connections.
             logging.getLogger("cell").warning("The cell was not closed in order.", exc_info=True)
 
 
@@ -126,15 +126,15 @@ def _bytes_in(folder: Path) -> int:
 
 
 CAMPAIGN: Final = "campaign.yaml"
-"""Of a point, in its folder: `duralab run` runs it again."""
+"""Name of a point's campaign file in its folder; `duralab run` can run it again."""
 
 _KEPT: Final[dict[str, KeptCell]] = {}
-"""The cell of this worker process; Dask calls tasks and has no place for what they share."""
+"""Cell of this worker process; module state, because Dask tasks share no other state."""
 
 
 @dataclass(frozen=True)
 class Task:
-    """A point on its way to a worker, with its folder as the worker sees it."""
+    """Task of a worker for a point, with the folder's path on the worker."""
 
     point: Point
     folder: Path
@@ -143,7 +143,7 @@ class Task:
 
 
 def run_point(task: Task) -> Outcome:
-    """Run the campaign of a point and return what became of it; a campaign that fails is an outcome too."""
+    """Run the campaign of a point and return its outcome, also if the campaign fails."""
     point, folder = task.point, task.folder
     begun, processor = time.perf_counter(), time.process_time()
     opened = begun
@@ -161,7 +161,7 @@ def run_point(task: Task) -> Outcome:
         plan = parse_campaign(point.campaign, name=f"point {point.id}")
         lab = _cell().lab(task.cell, rigs=point.rigs, specimens=point.specimens)
         opened = time.perf_counter()
-        # What is not kept goes no further than the worker's own disk.
+        # Recordings that are not kept stay on the worker's local disk.
         place = folder if task.keep is Kept.RECORDINGS else lab.out / point.id
         result = lab.run(plan, out=place)
         outcome = outcome_of(
@@ -176,7 +176,7 @@ def run_point(task: Task) -> Outcome:
             shutil.rmtree(place)
     except LabError as error:
         if not isinstance(error, InputError):
-            # The next campaign gets its own cell: what broke this one may still be in it.
+            # The next campaign gets a new cell: the cause of this error may persist in the cell.
             _cell().close()
         outcome = Outcome(point.id, State.FAILED, error.message, worker=worker, costs=costs())
     write_outcome(outcome, folder)
@@ -187,7 +187,7 @@ def _cell() -> KeptCell:
     if not _KEPT:
         from distributed import get_worker
 
-        # Dask removes this folder after a worker that was killed, too.
+        # Dask removes this folder also after a killed worker.
         _KEPT[""] = KeptCell(Path(get_worker().local_directory))
         atexit.register(close_cell)
     return _KEPT[""]
@@ -200,7 +200,7 @@ def close_cell() -> None:
 
 
 def prepare_worker(folder: Path) -> None:
-    """Make a worker ready: its log, and a proof that it sees the sweep's folder."""
+    """Prepare a worker: open its log, and check that it can write to the sweep's folder."""
     logs = folder / "logs"
     try:
         logs.mkdir(parents=True, exist_ok=True)
@@ -212,6 +212,6 @@ def prepare_worker(folder: Path) -> None:
         ) from error
     configure_logs("cell", stream=stream)
     keep_few_arenas(2, kept_bytes=KEPT_BYTES)
-    # Where Dask keeps its workers as threads of another process, that one is not ours to change.
+    # If Dask runs its workers as threads of another process, do not change that process.
     if threading.current_thread() is threading.main_thread():
         log_stacks_on_signal()

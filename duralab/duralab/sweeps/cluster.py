@@ -1,4 +1,4 @@
-"""The workers of a sweep, here or those of a Dask scheduler, and the points on their way through them."""
+"""Workers of a sweep, on this machine or of a Dask scheduler, and the running of points on them."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ WORKER_SECONDS: Final = 60
 
 
 def cores() -> int:
-    """Return how many cores this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
 
 
 def check_address(scheduler: str | None, *, workers: int | None) -> None:
-    """Check which workers are asked for; raises InputError where that is none, or two things at once."""
+    """Check the options for workers; raises InputError for a wrong address, or if both options are given."""
     if scheduler is not None and workers is not None:
         raise InputError("--workers is of this machine and --scheduler brings its own; give one of them.")
     if scheduler is not None and not _SCHEDULER.fullmatch(scheduler):
@@ -45,7 +45,7 @@ def check_address(scheduler: str | None, *, workers: int | None) -> None:
 
 @contextmanager
 def open_workers(folder: Path, *, workers: int | None, scheduler: str | None) -> Iterator[Client]:
-    """Give a client of workers that run one campaign each at a time."""
+    """Yield a client of workers that each run one campaign at a time."""
     distributed = _imported()
     with ExitStack() as stack:
         if scheduler is None:
@@ -70,7 +70,7 @@ def open_workers(folder: Path, *, workers: int | None, scheduler: str | None) ->
                 raise LabError(
                     f"No scheduler with workers answers at {scheduler}; start `dask scheduler` and `dask worker`."
                 ) from error
-        # Fewer workers than cores may use what is left of them.
+        # With fewer workers than cores, the workers may use the remaining cores.
         _make_ready(client, folder, own_cores=scheduler is None and (workers or cores()) >= cores())
         yield client
 
@@ -84,8 +84,8 @@ def _imported() -> Any:
 
 
 def thread_counts(client: Client) -> dict[str, int]:
-    """Return how many tasks each worker runs at once, by its address."""
-    # Distributed types what it answers as a coroutine, which only an asynchronous client gets.
+    """Return the number of simultaneous tasks of each worker, by its address."""
+    # The type hints of Distributed are a coroutine, which only an asynchronous client returns.
     answer: Any = client.nthreads()
     return dict(answer)
 
@@ -110,7 +110,7 @@ def _plugin(folder: Path, *, own_cores: bool) -> Any:
     from distributed import WorkerPlugin
 
     class Cell(WorkerPlugin):
-        """Makes every worker ready, those that come later too, and ends its cell with it."""
+        """Plug-in that prepares every worker, also later ones, and ends the worker's cell with it."""
 
         def setup(self, worker: Worker) -> None:
             if own_cores:
@@ -125,21 +125,21 @@ def _plugin(folder: Path, *, own_cores: bool) -> Any:
 
 
 def _keep_to_core(number: int) -> None:
-    """Let this process and those that it starts run on one core: a cell's threads lose a fifth by moving about."""
+    """Pin this process and its children to one core: without it a cell's threads lose a fifth by migration."""
     if sys.platform == "linux":
         allowed = sorted(os.sched_getaffinity(0))
         os.sched_setaffinity(0, {allowed[number % len(allowed)]})
 
 
 AHEAD = 2
-"""Tasks for each worker that are with the scheduler: one that runs, one that follows it at once."""
+"""Number of submitted tasks per worker: one that runs, and one that follows without delay."""
 
 RETRIES = 1
-"""How often a campaign is run again whose worker died; the second time, the campaign is why."""
+"""Number of retries of a campaign whose worker died; a second death is attributed to the campaign."""
 
 
 class PointRunner:
-    """Runs points on the workers of a client, which is opened when there is something to run, and not before."""
+    """Runner of points on the workers of a client, which is opened when the first point must run."""
 
     def __init__(
         self,
@@ -161,9 +161,9 @@ class PointRunner:
         return self._open_client()
 
     def run(self, points: Sequence[Point]) -> Generator[tuple[Point, Outcome]]:
-        """Yield every point with what became of it: first those that have ended, the others as they end.
+        """Yield every point with its outcome: first the ended ones, then the others as they end.
 
-        Of the others, only the first `at_most` where that is given.
+        If `at_most` is given, only the first `at_most` of the others are run.
         """
         waiting: deque[Point] = deque()
         twins: dict[str, list[Point]] = {}
@@ -172,7 +172,7 @@ class PointRunner:
             if ended is not None:
                 yield point, ended
             elif point.id in twins:
-                # The same campaign under other settings, e.g. a gain that a schedule makes equal: once is enough.
+                # Other settings can give the same campaign, e.g. if a schedule makes a gain equal: run it once.
                 twins[point.id].append(point)
             else:
                 twins[point.id] = [point]
@@ -197,7 +197,7 @@ class PointRunner:
         def submit() -> None:
             point = waiting.popleft()
             task = Task(point, self._points / point.id, self._sweep.cell, self._sweep.keep)
-            # The key holds more than the id: a point that is retried is a task of its own.
+            # `pure=False` gives a unique key: a retried point is a new task.
             future = client.submit(run_point, task, pure=False, retries=RETRIES)
             running[future] = point
             completed.add(future)

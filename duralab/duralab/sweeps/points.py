@@ -1,4 +1,4 @@
-"""From a sweep file to its points: the whole campaign of each, checked before any of them is run."""
+"""Conversion of a sweep file to its points, each a complete campaign, all checked before the first is run."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ _DISTRIBUTIONS: Final = (
     "numpy",
     "scipy",
 )
-"""What computes drives and responses."""
+"""Packages that compute drives and responses."""
 
 DIGITS: Final = 16
-"""Of a point's name: among 100,000 points two share one once in 3.7 billion sweeps."""
+"""Digits of a point's name: of 100,000 points, two have the same name in one of 3.7 billion sweeps."""
 
 
 def installed_versions() -> Mapping[str, str]:
-    """Return the versions of everything that computes drives and responses; nothing is imported for it."""
+    """Return the versions of the packages that compute drives and responses, without importing them."""
     found = {}
     for name in _DISTRIBUTIONS:
         try:
@@ -62,21 +62,21 @@ def point_id(
     specimens: Mapping[str, Any],
     versions: Mapping[str, str],
 ) -> str:
-    """Return the name of a point: the same settings with the same versions have the same, and no others."""
+    """Return the name of a point, which is unique for its settings and versions."""
     content = {"campaign": campaign, "files": files, "specimens": specimens, "versions": dict(versions)}
     text = json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False)
     return hashlib.sha256(text.encode()).hexdigest()[:DIGITS]
 
 
 _PATHS: Final = ("target.file", "target.opencrg.path")
-"""Keys of a campaign file that name a file, relative to it."""
+"""Keys of a campaign file with paths relative to it."""
 
 
 @dataclass(frozen=True)
 class Point:
-    """One campaign of a sweep: its file with absolute paths, and the rigs it needs, shipped or other specimens.
+    """Campaign of a sweep: its file with absolute paths, its shipped rigs, and its other specimens.
 
-    `settings`: What it has that others may have otherwise, by dotted key.
+    `settings`: Settings that may differ between points, by dotted key.
     """
 
     id: str
@@ -92,13 +92,13 @@ class Point:
 
 
 class PointMaker:
-    """Makes points of settings: changes of a sweep's campaign and specimens."""
+    """Maker of points from settings, which change a sweep's campaign and specimens."""
 
     def __init__(self, sweep: Sweep) -> None:
         self._sweep = sweep
         named = sweep.folder / sweep.campaign
         self._base = load_campaign(named if named.is_file() else sweep.campaign)
-        # The text stays as it was written; its keys are those of today, as the dotted ones are.
+        # Only the parsed document gets the new names of keys, which the dotted keys use too; the text is unchanged.
         self._document, _ = with_new_keys(parse_yaml(self._base.text))
         self._specimens = Specimens(sweep)
         self._versions = installed_versions()
@@ -107,7 +107,7 @@ class PointMaker:
             self._put(self._document, {}, key, value)
 
     def make(self, settings: Mapping[str, Any]) -> Point:
-        """Return the point of some settings; raises InputError where its campaign or specimen is not allowed."""
+        """Return the point of given settings; raises InputError if its campaign or specimen is not allowed."""
         document, changes = deepcopy(self._document), dict[str, dict[str, Any]]()
         resolved: dict[str, Any] = {}
         for key, value in settings.items():
@@ -135,7 +135,7 @@ class PointMaker:
         return Point(id, resolved, dump_yaml(document), rigs, specimens)
 
     def _put(self, document: dict[str, Any], changes: dict[str, dict[str, Any]], key: str, value: Any) -> Any:
-        """Change a campaign or note a change of a specimen, and return the value that it gets."""
+        """Change a campaign or note a change of a specimen; return the new value."""
         head, _, rest = key.partition(".")
         if head == SPECIMEN:
             rig, _, inner = rest.partition(".")
@@ -167,12 +167,12 @@ class PointMaker:
 
 @dataclass(frozen=True)
 class Multiple:
-    """So many times what stands in the file."""
+    """Multiple of the number in the file."""
 
     factor: float
 
     def of(self, number: object, *, key: str) -> float:
-        """Return the product; raises InputError where there is no number to multiply."""
+        """Return the product; raises InputError if `number` is not a number."""
         if isinstance(number, bool) or not isinstance(number, int | float):
             raise InputError(
                 f"axes.{key} scales {number!r}; only a number can be scaled, so list the values.", field=key
@@ -181,7 +181,7 @@ class Multiple:
 
 
 def grid(sweep: Sweep) -> Iterator[Settings]:
-    """Yield the settings of every point: each listed point with each value of each axis, the last axis quickest."""
+    """Yield the settings of every point: each listed point with all values of all axes, the last axis fastest."""
     axes = [[(key, value) for value in _values(axis)] for key, axis in sweep.axes.items()]
     for point in sweep.points or ({},):
         for combination in itertools.product(*axes):
@@ -189,7 +189,7 @@ def grid(sweep: Sweep) -> Iterator[Settings]:
 
 
 def grid_size(sweep: Sweep) -> int:
-    """Return how many settings `grid` yields; raises InputError where they are too many."""
+    """Return the number of settings that `grid` yields; raises InputError if there are too many."""
     size = max(1, len(sweep.points))
     for axis in sweep.axes.values():
         size *= len(_values(axis))

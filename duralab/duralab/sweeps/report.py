@@ -1,4 +1,4 @@
-"""The report of a sweep: one HTML file that opens offline, with figures that compare its points."""
+"""Report of a sweep: one offline HTML file with figures that compare its points."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from duralab.sweeps.campaign_task import CAMPAIGN
 from duralab.sweeps.results import POINTS, SweepResults
 
 MOST_ROWS: Final = 500
-"""Points in the report's table, the best first; all of them are in results.parquet."""
+"""Maximum number of points in the report's table, the best first; results.parquet has all."""
 
 
 def write_report(results: SweepResults, path: str | Path) -> Path:
@@ -59,7 +59,7 @@ def render_report(results: SweepResults) -> str:
 
 
 def _rerun(best: Mapping[str, Any]) -> str:
-    """Return the command that runs a point again, from the sweep's folder, with the same bytes."""
+    """Return the command that runs a point again from the sweep's folder, with identical results."""
     place = f"{POINTS}/{best['id']}/{CAMPAIGN}"
     return f"duralab run {shlex.quote(place)} --out best"
 
@@ -80,7 +80,7 @@ def _row(results: SweepResults, row: Mapping[str, Any], rank: int) -> dict[str, 
 
 
 def _summary(results: SweepResults, key: str) -> list[tuple[str, int, str, str, str]]:
-    """Return for each value of a setting how many points have it, and the least, middle and greatest figure of them."""
+    """Return the number of points, and the minimum, median and maximum error, for each value of a setting."""
     lines = []
     values = ordered_values(results.finished, key)
     for value in values[:MOST_BOXES]:
@@ -106,27 +106,27 @@ def _costs(results: SweepResults) -> list[tuple[str, str]]:
 Figure = dict[str, Any]
 
 MOST_BOXES: Final = 24
-"""Different values of a setting that get a box each; of more, every point is drawn."""
+"""Maximum number of values of a setting with a box each; with more values every point is drawn."""
 
 MOST_LINES: Final = 500
-"""Points in the parallel coordinates, the best ones."""
+"""Maximum number of points in the parallel coordinates, the best first."""
 
 FEW_TICKS: Final = 10
-"""Numbers beside an axis."""
+"""Maximum number of ticks of an axis."""
 
 ERRORS: Final = ("overall_error", "worst_error")
 
 SHADES: Final = ("#0b3d91", "#1565c0", "#2a9fd0", "#4fb8a8", "#8ac45a", "#d6b93a", "#e79a4b", "#e3b7a0")
-"""Of a line, from the best eighth of the points to the worst."""
+"""Colours of lines, from the best eighth of the points to the worst."""
 
 
 def words(name: str) -> str:
-    """Return the name of a figure as text, e.g. "overall error"."""
+    """Return the name of an error as text, e.g. "overall error"."""
     return name.replace("_", " ")
 
 
 def varied(results: SweepResults) -> list[str]:
-    """Return the settings that are not the same in every point that came to its end."""
+    """Return the settings that differ between finished points."""
     return [key for key in results.keys if len({repr(row.get(key)) for row in results.finished}) > 1]
 
 
@@ -139,14 +139,14 @@ def ordered_values(rows: Sequence[Mapping[str, Any]], key: str) -> list[Any]:
 def parallel_coordinates(results: SweepResults) -> Figure:
     """Return the best points as lines across their settings and errors, from light to dark as the error falls.
 
-    Drawn as plain lines: plotly's own parallel coordinates need WebGL, which not every browser has.
+    They are drawn as plain lines: plotly's parallel coordinates need WebGL, which not every browser has.
     """
     ranked = sorted(results.finished, key=lambda row: row[results.objective.value])[:MOST_LINES]
     keys = [*varied(results), *ERRORS]
     scales = {key: _Scale.of(ranked, key) for key in keys}
     shades = min(len(SHADES), len(ranked))
     traces = []
-    # The best are drawn last, over the others.
+    # The best points are drawn last, over the others.
     for shade in reversed(range(shades)):
         rows = ranked[len(ranked) * shade // shades : len(ranked) * (shade + 1) // shades]
         traces.append(
@@ -197,7 +197,7 @@ def parallel_coordinates(results: SweepResults) -> Figure:
 
 
 def along_axis(results: SweepResults, key: str) -> Figure:
-    """Return the figure compared by over one setting: a box for each value, or a point for each campaign."""
+    """Return a chart of the compared error over one setting: a box for each value, or a point for each campaign."""
     rows, objective = results.finished, results.objective.value
     values = ordered_values(rows, key)
     layout: Figure = {
@@ -238,13 +238,13 @@ def along_axis(results: SweepResults, key: str) -> Figure:
 
 
 def text(value: Any) -> str:
-    """Return a setting as it is printed."""
+    """Return a setting as text."""
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 @dataclass(frozen=True)
 class _Scale:
-    """Heights of the values of one axis of the parallel coordinates: of numbers, or of names by `order`, 0 to 1."""
+    """Scale of one axis of the parallel coordinates: heights from 0 to 1 of numbers, or of names by `order`."""
 
     lowest: float
     highest: float

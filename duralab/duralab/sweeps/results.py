@@ -1,4 +1,4 @@
-"""The results of a sweep: a row for each point as soon as it ends, and two Parquet files of all."""
+"""Results of a sweep: a row for each ended point, and two Parquet files of all points."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from duralab.output_files import replace_when_complete
 from duralab.sweeps.sweep_file import Objective, Sweep
 
 OUTCOME: Final = "outcome.parquet"
-"""Of a point, in its folder; written last, so that whoever sees it sees all of the point."""
+"""Name of a point's outcome file in its folder; written last, so that the point is complete if it exists."""
 
 
 class State(StrEnum):
@@ -27,7 +27,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True)
 class Costs:
-    """Time of a point in seconds: for its cell, its campaign, and of the processor in the worker's process."""
+    """Times of a point in seconds: for its cell, for its campaign, and processor time of the worker's process."""
 
     cell: float = 0.0
     campaign: float = 0.0
@@ -36,12 +36,12 @@ class Costs:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The row of a point, with the best playback of its campaign; figures are empty where it failed.
+    """Row of a point, with the best playback of its campaign; numbers are empty if it failed.
 
-    `sentence`: Its verdict, or why it failed. `overall_error`, `worst_error`: Relative RMS error of the best playback
-    over all judged channels, and the largest of a channel. `errors`, `rms_responses`, `overall`: A row or figure for
-    each playback. `rig_hash`: SHA-256 of all that decides what the rig answers. `bytes`: Size of the recording that is
-    kept.
+    `sentence`: Verdict, or reason of the failure. `overall_error`, `worst_error`: Relative RMS error of the best
+    playback over all judged channels, and the largest of a channel. `errors`, `rms_responses`, `overall`: A row or
+    number for each playback. `rig_hash`: SHA-256 of all settings that determine the rig's responses. `bytes`: Size of
+    the kept recording.
     """
 
     id: str
@@ -63,12 +63,12 @@ class Outcome:
     bytes: int = 0
 
     def objective(self, objective: Objective) -> float | None:
-        """Return the figure that points are compared by; None where it failed."""
+        """Return the error by which points are compared; None if the point failed."""
         return self.overall_error if objective is Objective.OVERALL_ERROR else self.worst_error
 
 
 def outcome_of(id: str, result: CampaignResult, *, rig_hash: str, worker: str, costs: Costs, bytes: int) -> Outcome:
-    """Return the row of a campaign that came to its end."""
+    """Return the row of a finished campaign."""
     table, verdict = result.iterations, result.verdict
     best = table.best
     return Outcome(
@@ -103,7 +103,7 @@ def write_outcome(outcome: Outcome, folder: Path) -> None:
 
 
 def read_outcome(folder: Path) -> Outcome | None:
-    """Return the row of a point, None where it has not ended; raises InputError where it cannot be read."""
+    """Return the row of a point, None if it has not ended; raises InputError if it cannot be read."""
     import pyarrow
     from pyarrow import parquet
 
@@ -120,7 +120,7 @@ def read_outcome(folder: Path) -> Outcome | None:
 
 
 def _schema() -> Any:
-    """Return the columns of an outcome: a struct of its costs, and what its fields hold."""
+    """Return the columns of an outcome: its fields, with the costs as a struct."""
     import pyarrow as arrow
 
     kinds = {"str": arrow.string(), "State": arrow.string(), "bool": arrow.bool_(), "int": arrow.int64()}
@@ -134,13 +134,13 @@ def _schema() -> Any:
 
 
 RESULTS: Final = "results.parquet"
-"""Of a sweep: a row for each point."""
+"""Name of the file with a row for each point."""
 
 PLAYBACKS: Final = "playbacks.parquet"
-"""Of a sweep: a row for each response of each playback."""
+"""Name of the file with a row for each response of each playback."""
 
 POINTS: Final = "points"
-"""Of a sweep: a folder for each point, named by its id."""
+"""Name of the folder with a folder for each point, named by its id."""
 
 _ABOUT: Final = b"duralab"
 _NESTED: Final = ("channels", "watched", "numbers", "errors", "rms_responses", "overall", "costs")
@@ -150,8 +150,8 @@ _NESTED: Final = ("channels", "watched", "numbers", "errors", "rms_responses", "
 class SweepResults:
     """Results of a sweep, with the text of its file.
 
-    `keys`: What differs from point to point, by dotted key. `total`: Points it has; as many rows where all have ended.
-    `rows`: A row for each point that has ended: its settings by dotted key, and the fields of its outcome.
+    `keys`: Dotted keys that differ between points. `total`: Number of points, equal to the number of rows at the end.
+    `rows`: A row for each ended point: its settings by dotted key, and the fields of its outcome.
     """
 
     folder: Path
@@ -164,24 +164,24 @@ class SweepResults:
 
     @property
     def finished(self) -> tuple[Mapping[str, Any], ...]:
-        """The rows whose campaigns came to their end."""
+        """Rows of finished campaigns."""
         return tuple(row for row in self.rows if row["state"] == State.FINISHED)
 
     @property
     def failed(self) -> tuple[Mapping[str, Any], ...]:
-        """The rows whose campaigns failed, with their sentences."""
+        """Rows of failed campaigns, with their sentences."""
         return tuple(row for row in self.rows if row["state"] == State.FAILED)
 
     @property
     def best(self) -> Mapping[str, Any] | None:
-        """The row with the smallest figure; None where no campaign came to its end."""
+        """Row with the smallest compared error; None if no campaign finished."""
         return min(self.finished, key=lambda row: row[self.objective.value], default=None)
 
 
 def write_results(
     folder: Path, sweep: Sweep, rows: Sequence[tuple[Mapping[str, Any], Outcome]], *, total: int
 ) -> SweepResults:
-    """Write `results.parquet` and `playbacks.parquet`, and return what stands in them."""
+    """Write `results.parquet` and `playbacks.parquet`, and return their content."""
     import pyarrow
     from pyarrow import parquet
 
@@ -222,7 +222,7 @@ def read_results(folder: str | Path) -> SweepResults:
 
 
 def plain(value: Any) -> bool | int | float | str | None:
-    """Return a setting as a cell of a table: as it is, or as JSON where it has parts."""
+    """Return a setting as a cell of a table: unchanged, or as JSON if it has parts."""
     return value if value is None or isinstance(value, bool | int | float | str) else json.dumps(value)
 
 
@@ -253,7 +253,7 @@ def _playbacks(outcome: Outcome) -> list[dict[str, Any]]:
 
 
 def _even(points: list[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Make every column of one kind: whole numbers among others become floating, any other mixture becomes JSON."""
+    """Give every column one type: mixed integers and floats become floats, any other mixture becomes JSON."""
     for key in dict.fromkeys(key for point in points for key in point):
         kinds = {type(point.get(key)) for point in points} - {type(None)}
         if kinds == {int, float}:

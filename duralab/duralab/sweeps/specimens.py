@@ -1,4 +1,4 @@
-"""Specimens with tolerances: what a rig's YAML says, changed for a point at dotted keys."""
+"""Specimens with tolerances: a rig's YAML, changed for a point at dotted keys."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from duralab.sweeps.sweep_file import Sweep
 from duralab_settings import parse_yaml, read_yaml_text, require_regular
 
 NAME = "name"
-"""What an entry of a list is found by."""
+"""Key by which an entry of a list is found."""
 
 
 def change(document: dict[str, Any], key: str, value: Any, *, what: str, add: bool = True) -> None:
-    """Put a value in its place."""
+    """Set the value of a dotted key."""
     parents, last = _parts(key, what=what)
     place: Any = document
     for depth, part in enumerate(parents):
@@ -38,7 +38,7 @@ def change(document: dict[str, Any], key: str, value: Any, *, what: str, add: bo
 
 
 def look_up(document: dict[str, Any], key: str, *, what: str) -> Any:
-    """Return what stands at a place; raises InputError where nothing does."""
+    """Return the value of a dotted key; raises InputError if it does not exist."""
     parents, last = _parts(key, what=what)
     place: Any = document
     for depth, part in enumerate([*parents, last]):
@@ -66,7 +66,7 @@ def _step(place: Any, part: str, *, key: str, depth: int, what: str) -> Any:
 
 
 def _index(entries: list[Any], part: str) -> int:
-    """Return the row of a list's entry by its name or its number; -1 where there is none."""
+    """Return the index of a list's entry by its name or number; -1 if there is none."""
     for row, entry in enumerate(entries):
         if isinstance(entry, dict) and entry.get(NAME) == part:
             return row
@@ -83,7 +83,7 @@ def _described(place: Any) -> str:
 
 
 SPECIMEN: Final = "specimen"
-"""What the key of a change to a specimen begins with: `specimen.front_axle.struts.left_strut.law.stiffness`."""
+"""Prefix of the key of a change to a specimen: `specimen.front_axle.struts.left_strut.law.stiffness`."""
 
 _SECONDS: Final = 60.0
 _BODIES: Final = "sdf"
@@ -91,9 +91,9 @@ _BODIES: Final = "sdf"
 
 @dataclass(frozen=True)
 class SpecimenText:
-    """A rig that is not taken as it is shipped; hashable, so that cells can be compared by it.
+    """Rig that is changed or not shipped; hashable, as part of the key of a cell.
 
-    `bodies`: Name of the SDF or URDF that belongs beside its YAML, if any; a worker may not see the file.
+    `bodies`: Name of the SDF or URDF file beside its YAML, if any; a worker may have no access to the file.
     """
 
     rig: str
@@ -103,11 +103,11 @@ class SpecimenText:
 
     @property
     def content(self) -> tuple[str, str]:
-        """Content that decides the rig's answers."""
+        """Content that determines the rig's responses."""
         return self.text, self.bodies_text
 
     def write(self, folder: Path) -> Path:
-        """Write it to its own folder; return the path of its YAML."""
+        """Write the specimen to a separate folder; return the path of its YAML."""
         own = folder / self.rig
         own.mkdir(parents=True, exist_ok=True)
         if self.bodies:
@@ -118,18 +118,18 @@ class SpecimenText:
 
 
 def dump_yaml(document: Mapping[str, Any]) -> str:
-    """Return a document as YAML; by libyaml where it is there, for a sweep dumps three for each of its points."""
+    """Return a document as YAML; uses libyaml if available, because a sweep dumps three for each point."""
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     return yaml.dump(document, Dumper=dumper, sort_keys=False)
 
 
 class Specimens:
-    """The specimens of a sweep: its own files, and those that the simulator ships."""
+    """Specimens of a sweep: its own files, and those shipped with the simulator."""
 
     def __init__(self, sweep: Sweep) -> None:
         self._own = {rig: sweep.folder / path for rig, path in sweep.specimens.items()}
         self._documents: dict[str, dict[str, Any]] = {}
-        # Of points that differ by their campaign alone, the specimen is one.
+        # Points that differ only in their campaign share the specimen.
         self._texts: dict[tuple[str, str], SpecimenText] = {}
         for rig, path in self._own.items():
             if not path.is_file():
@@ -149,7 +149,7 @@ class Specimens:
             raise LabError(f"The simulator does not report which specimens it ships: {error}.") from error
 
     def document(self, rig: str) -> dict[str, Any]:
-        """Return what a rig's YAML says; raises InputError where there is no such rig."""
+        """Return the content of a rig's YAML; raises InputError if there is no such rig."""
         if rig not in self._documents:
             self._documents[rig] = self._read(rig)
         return self._documents[rig]
@@ -174,7 +174,7 @@ class Specimens:
     def of(
         self, rigs: Sequence[str], changes: Mapping[str, Mapping[str, Any]]
     ) -> tuple[tuple[str, ...], tuple[SpecimenText, ...]]:
-        """Return which of some rigs are taken as they are shipped, and the texts of the others."""
+        """Return the rigs that are used as shipped, and the texts of the others."""
         if idle := [rig for rig in changes if rig not in rigs]:
             raise InputError(
                 f"{SPECIMEN}.{idle[0]} is changed; the campaign's rigs are {', '.join(rigs)}, so name one of them."
@@ -190,7 +190,7 @@ class Specimens:
 
     def _text(self, rig: str, changes: Mapping[str, Any]) -> SpecimenText:
         document = deepcopy(self.document(rig))
-        # A shipped rig's YAML is found by its file's name, and says it too; a copy has to say it.
+        # A copy of a shipped rig's YAML must contain the name, which otherwise follows from its file.
         document.setdefault("name", rig)
         for key, value in changes.items():
             change(document, key, value, what=f"specimen {rig}", add=False)

@@ -1,4 +1,4 @@
-"""The sweep file: which campaign is run how often, with what changed from one run to the next."""
+"""Sweep file: the campaign, and the settings that change from one run to the next."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from duralab_bus import ConfigError, load_config
 from duralab_settings import Section, Seed, new_key, read_yaml_text, remarks_on
 
 MOST_POINTS = 100_000
-"""Points of one sweep: their settings are made and checked before the first of them is run."""
+"""Maximum number of points of a sweep: all settings are made and checked before the first is run."""
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Setting = Any
-"""What a key of a campaign file can hold; the campaign file itself says what is allowed."""
+"""Value of a key of a campaign file; checked with the campaign file."""
 
 Settings = dict[str, Setting]
 """Settings by their dotted keys."""
@@ -29,20 +29,20 @@ class CellKind(StrEnum):
     """Kind of cell in which a task runs its campaign."""
 
     PROCESS = "process"
-    """The services in the worker's own process, on its own bus: no message leaves it."""
+    """Services in the worker's process, on a private bus: no message leaves it."""
     LAB = "lab"
-    """The embedded lab: a process for each service, on loopback."""
+    """Private lab with a process for each service, on loopback."""
 
 
 class Kept(StrEnum):
-    """Data kept of each campaign beside its figures."""
+    """Data kept of each campaign."""
 
     RECORDINGS = "recordings"
     FIGURES = "figures"
 
 
 class Objective(StrEnum):
-    """The figure that campaigns are compared by; small is good."""
+    """Error by which campaigns are compared; smaller is better."""
 
     OVERALL_ERROR = "overall_error"
     """Relative RMS error over all judged channels, of the best playback."""
@@ -51,7 +51,7 @@ class Objective(StrEnum):
 
 
 class Counted(Section):
-    """Whole numbers in a row, e.g. seeds."""
+    """Consecutive whole numbers, e.g. seeds."""
 
     start: Seed = Field(alias="from", description="First seed.")
     count: int = Field(ge=1, le=MOST_POINTS, description="Number of seeds.")
@@ -76,7 +76,7 @@ Axis = Annotated[
     Annotated[Listed, Tag("values")] | Annotated[Counted, Tag("row")] | Annotated[Scaled, Tag("scale")],
     Discriminator(_way_of_an_axis),
 ]
-"""Values one after the other; whole numbers in a row; or multiples of what stands there."""
+"""Listed values, consecutive whole numbers, or multiples of the value in the file."""
 
 
 class SearchedRange(Section):
@@ -136,7 +136,7 @@ class Search(Section):
 
 
 class Sweep(Section):
-    """The content of a sweep file."""
+    """Content of a sweep file."""
 
     name: str = Field(
         pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$",
@@ -204,11 +204,11 @@ class Sweep(Section):
 
     @property
     def text(self) -> str:
-        """The file, word for word."""
+        """Exact text of the file."""
         return self._text
 
     def read_from(self, *, folder: Path, text: str) -> Self:
-        """Return this sweep with the place and the words it was read from."""
+        """Return this sweep with the folder and the text of its file."""
         copy = self.model_copy()
         copy._folder = folder  # noqa: SLF001  (its own private attribute, on its own copy)
         copy._text = text  # noqa: SLF001
@@ -219,7 +219,7 @@ _SUFFIX = ".yaml"
 
 
 def shipped_sweeps() -> list[str]:
-    """Return the names of the sweeps that come with the package."""
+    """Return the names of the sweeps shipped with the package."""
     entries = (files("duralab.sweeps") / "shipped").iterdir()
     return sorted(entry.name.removesuffix(_SUFFIX) for entry in entries if entry.name.endswith(_SUFFIX))
 
@@ -228,7 +228,7 @@ def load_sweep(source: str | Path) -> Sweep:
     """Read and check a sweep file, given by its path or by the name of a shipped sweep."""
     path = Path(source)
     if not path.exists() and str(source) in shipped_sweeps():
-        # A shipped file has no folder of the user's own: its relative paths start where the user stands.
+        # A shipped file is not in a folder of the user: its paths are relative to the working directory.
         with as_file(files("duralab.sweeps") / "shipped" / f"{source}{_SUFFIX}") as shipped:
             return _read(shipped, folder=Path())
     if not path.is_file():

@@ -1,4 +1,4 @@
-"""A sweep from its file to its results: all points of its axes, or a search that can be resumed."""
+"""Running of a sweep: all points of its axes, or a search that can be resumed."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
 
 
 JOURNAL: Final = "search.journal"
-"""Optuna's storage, in the sweep's folder."""
+"""Name of Optuna's storage in the sweep's folder."""
 
 
 def search(sweep: Sweep, maker: PointMaker, runner: PointRunner, *, folder: Path) -> Generator[tuple[Point, Outcome]]:
-    """Search for the settings with the smallest figure; yields every point as it ends.
+    """Search for the settings with the smallest error; yield every point as it ends.
 
-    Some settings are tried together, whatever the number of workers, and each choice is seeded by its number alone: the
-    search takes the same way on one worker and on a hundred, at once or after a break.
+    A fixed number of settings is tried together, independent of the number of workers, and each choice is seeded only
+    by its number. So the search is the same on one worker and on a hundred, with or without an interruption.
     """
     plan = sweep.search
     if plan is None:
         raise ValueError("The sweep has no section search.")
-    # The size first: it refuses a grid that would fill the memory.
+    # Compute the size first: it refuses a grid that would fill the memory.
     trials = plan.budget // grid_size(sweep)
     beside = list(grid(sweep))
     if trials < 1:
@@ -50,16 +50,16 @@ def search(sweep: Sweep, maker: PointMaker, runner: PointRunner, *, folder: Path
             field="search.budget",
         )
     spaces = {key: _distribution(given) for key, given in plan.settings.items()}
-    # The corners of the space are made now: a bound that is not allowed is found before anything is run.
+    # Make the corners of the space now, to refuse bounds that are not allowed before anything is run.
     corners = [maker.make({**beside[0], **corner}) for corner in _corners(plan.settings)]
-    # Other bounds, another campaign or other versions: another study.
+    # Other bounds, another campaign or other versions give another study.
     content = json.dumps([plan.model_dump_json(), *(point.id for point in corners)])
     study = _open_study(folder / JOURNAL, name=f"{sweep.name}-{hashlib.sha256(content.encode()).hexdigest()[:16]}")
     for start in range(0, trials, plan.together):
         numbers = range(start, min(start + plan.together, trials))
         trials_now = [_trial(study, plan, spaces, number) for number in numbers]
         points = {
-            # A process that ended in the middle of choosing leaves a trial without settings.
+            # A process that ended while it chose settings leaves a trial without settings.
             trial.number: [maker.make({**settings, **trial.params}) for settings in beside] if trial.params else []
             for trial in trials_now
         }
@@ -73,7 +73,7 @@ def search(sweep: Sweep, maker: PointMaker, runner: PointRunner, *, folder: Path
 
 
 def _record_values(study: Study, trials: Sequence[FrozenTrial], figures: Mapping[int, Sequence[float | None]]) -> None:
-    """Report the values of trials to the study in their order, regardless of which ended first."""
+    """Report the values of trials to the study in order of their numbers, regardless of the order of their ends."""
     from optuna.trial import TrialState
 
     for trial in trials:
@@ -88,11 +88,11 @@ def _record_values(study: Study, trials: Sequence[FrozenTrial], figures: Mapping
 
 
 def _trial(study: Study, plan: Search, spaces: dict[str, BaseDistribution], number: int) -> FrozenTrial:
-    """Return a trial of the study; one that it does not have yet is chosen by what was told until now."""
+    """Return a trial of the study; choose a new one from the values reported so far if it does not exist."""
     from optuna.samplers import TPESampler
 
     if number >= len(study.get_trials(deepcopy=False)):
-        # A seed for each number: a choice does not depend on how many were made since the process began.
+        # A seed for each number, so that a choice does not depend on earlier choices in this process.
         seed = int(np.random.SeedSequence([plan.seed, number]).generate_state(1)[0])
         study.sampler = TPESampler(seed=seed, n_startup_trials=plan.startup)
         study.ask(spaces)
@@ -120,7 +120,7 @@ def _distribution(given: Searched) -> BaseDistribution:
 
 
 def _corners(settings: Mapping[str, Searched]) -> list[Settings]:
-    """Return settings in which every bound and every choice stands once at least."""
+    """Return settings that contain every bound and every choice at least once."""
     ends = {
         key: given.choices
         if isinstance(given, SearchedChoice)
@@ -133,7 +133,7 @@ def _corners(settings: Mapping[str, Searched]) -> list[Settings]:
 
 _WRITE_SECONDS: Final = 5.0
 _WRITE_SHARE: Final = 0.05
-"""Results are written now and then, and in no more than this share of the time."""
+"""Largest share of the time for writing intermediate results."""
 
 
 @dataclass(frozen=True)
@@ -160,12 +160,12 @@ def run_sweep(
     at_most: int | None = None,
     on_progress: OnProgress | None = None,
 ) -> SweepResults:
-    """Run a sweep, or continue one; points whose settings and versions have ended in `out` are not run again.
+    """Run or continue a sweep; points that have ended in `out` with the same settings and versions are not run again.
 
-    `out`: Seen by every worker; out/sweeps/<name> where not given. `workers`: Processes on this machine; one for each
-    core where not given. `scheduler`: Address of a Dask scheduler whose workers are used instead. `at_most`: Campaigns
-    to run now, of those that have not ended; all of them where not given. `on_progress`: Called after every point, on
-    this thread. A campaign that fails is a row with its sentence.
+    `out`: Folder that every worker can access; out/sweeps/<name> if not given. `workers`: Number of processes on this
+    machine; one for each core if not given. `scheduler`: Address of a Dask scheduler whose workers are used instead.
+    `at_most`: Maximum number of campaigns to run now, of those that have not ended; all if not given. `on_progress`:
+    Called after every point, on this thread. A failed campaign gives a row with its error sentence.
     """
     check_address(scheduler, workers=workers)
     plan = sweep if isinstance(sweep, Sweep) else load_sweep(sweep)
@@ -178,7 +178,7 @@ def run_sweep(
         )
     total = plan.search.budget if plan.search is not None else grid_size(plan)
     maker = PointMaker(plan)
-    # All are made before the first is run: a value that is not allowed is found now.
+    # Make all points before the first is run, to refuse values that are not allowed.
     points = [] if plan.search is not None else sorted(map(maker.make, grid(plan)), key=lambda point: repr(point.cell))
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -193,12 +193,12 @@ def run_sweep(
 
 
 def default_folder(sweep: Sweep) -> Path:
-    """Return the folder of a sweep whose user names none."""
+    """Return the default folder of a sweep."""
     return Path("out") / "sweeps" / sweep.name
 
 
 class _Book:
-    """Keeps what has ended, writes it now and then, and tells how far the sweep is."""
+    """Collector of ended points; writes results periodically and reports progress."""
 
     def __init__(self, sweep: Sweep, folder: Path, *, total: int, on_progress: OnProgress) -> None:
         self._sweep, self._folder, self._total, self._on_progress = sweep, folder, total, on_progress
@@ -217,13 +217,13 @@ class _Book:
                     if time.monotonic() >= self._next_write:
                         self._write()
         finally:
-            # An interrupted sweep has results too, and a report.
+            # Write the results of an interrupted sweep too, for its report.
             results = self._write()
         return results
 
     def _write(self) -> SweepResults:
         begun = time.monotonic()
-        # In an order of their own: which worker was quicker is no result.
+        # Sort the rows, so that they do not depend on the speed of the workers.
         rows = sorted(self._rows, key=lambda row: (repr(sorted(row[0].items(), key=str)), row[1].id))
         results = write_results(self._folder, self._sweep, rows, total=self._total)
         ended = time.monotonic()
@@ -246,9 +246,9 @@ class _Book:
 class SweepForecast:
     """Forecast of a sweep from its ended campaigns.
 
-    `total`, `ended`, `failed`: Campaigns. `seconds_each`: Of a campaign on a worker, with its share of opening cells.
-    `bytes_each`: That a campaign keeps. Both None where none has finished. `seconds_left`, `bytes_left`: Of all that
-    remain, on `workers`. `free_bytes`: On the disk of the sweep's folder.
+    `total`, `ended`, `failed`: Numbers of campaigns. `seconds_each`: Time of a campaign on a worker, with its share of
+    opening cells. `bytes_each`: Kept bytes of a campaign. Both are None if none has finished. `seconds_left`,
+    `bytes_left`: Totals of the remaining campaigns on `workers`. `free_bytes`: Free bytes on the disk of the folder.
     """
 
     total: int
@@ -273,9 +273,9 @@ class SweepForecast:
 def forecast_sweep(
     sweep: Sweep | str | Path, *, out: str | Path | None = None, workers: int | None = None
 ) -> SweepForecast:
-    """Plan a sweep and say what it will take; nothing is run.
+    """Forecast time and disk space of a sweep; nothing is run.
 
-    All its points are made, so a value that is not allowed is found. `out`, `workers`: As for `run_sweep`.
+    All points are made, so that values that are not allowed are found. `out`, `workers`: As for `run_sweep`.
     """
     plan = sweep if isinstance(sweep, Sweep) else load_sweep(sweep)
     folder = Path(out) if out is not None else default_folder(plan)

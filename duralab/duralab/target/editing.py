@@ -1,4 +1,4 @@
-"""Editing a target, step by step, with a record of what each step did."""
+"""Editing of a target, step by step, with a record of each step's effect."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ from duralab.errors import InputError
 
 @dataclass(frozen=True, eq=False)
 class EditedTarget:
-    """A target, and how it came about.
+    """Edited target, with the records of its steps.
 
     Parameters
     ----------
     signals : Signals
-        After the last step.
+        Signals after the last step.
     records : tuple of StepRecord
-        One for each step, in order; of a target from a file the first is how it was read.
+        Records of the steps, in order; for a target from a file the first record describes the reading.
     """
 
     signals: Signals
@@ -45,7 +45,7 @@ class EditedTarget:
 
 @dataclass(frozen=True, eq=False)
 class _Edited:
-    """Result and findings of one step; findings are empty for a step that searches nothing."""
+    """Result and findings of one step; findings are empty for a step that computes none."""
 
     signals: Signals
     spikes: Mapping[str, int] = field(default_factory=dict)
@@ -59,19 +59,19 @@ def edit_signals(signals: Signals, steps: Sequence[EditStep | Mapping[str, Any] 
     Parameters
     ----------
     signals : Signals
-        Finite samples.
+        Signals with finite samples.
     steps : sequence of EditStep, mapping or str
-        As under `target.edit` of a campaign file, e.g. `{"cut": {"from": 10, "to": 60}}` or "remove_mean".
+        Steps as under `target.edit` of a campaign file, e.g. `{"cut": {"from": 10, "to": 60}}` or "remove_mean".
 
     Returns
     -------
     EditedTarget
-        The signals given stay as they are.
+        Edited target; the given signals are unchanged.
 
     Raises
     ------
     InputError
-        A step is not known or does not fit the signals; the place in the campaign file is named.
+        A step is unknown or does not fit the signals; the error names the key in the campaign file.
     """
     from duralab.campaign import checked_steps
 
@@ -107,7 +107,7 @@ def _samples(seconds: float, signals: Signals) -> int:
 
 
 def _range(stretch: Stretch, signals: Signals) -> tuple[int, int]:
-    """Return the first sample of a stretch and the one after its last."""
+    """Return the first sample of a part, and the one after its last."""
     total = signals.samples.shape[1]
     end = signals.duration if stretch.end is None else stretch.end
     first, last = _samples(stretch.start, signals), _samples(end, signals)
@@ -124,7 +124,7 @@ def _seconds(sections: Sequence[tuple[int, int]], signals: Signals) -> tuple[tup
 
 
 def _rows(names: Collection[str], signals: Signals) -> list[int]:
-    """Return the rows of the channels named; all where none is."""
+    """Return the rows of the named channels; all rows without names."""
     unknown = [name for name in names if name not in signals.names]
     if unknown:
         raise ValueError(f"There is no channel {', '.join(unknown)} in the target; it has {', '.join(signals.names)}.")

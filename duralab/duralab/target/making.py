@@ -1,4 +1,4 @@
-"""Making a campaign's target: a road driven by a vehicle, or a measured file."""
+"""Making of a campaign's target: a vehicle's responses to a road, or a measured file."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from duralab.target.measured import map_channels, read_target_file
 from duralab_settings import require_regular
 
 LEAD_IN_SECONDS: Final = 1.0
-"""The vehicle rolls from flat ground onto the road, and off it, in this time."""
+"""Duration of the transition from flat ground to the road, and back."""
 
 
 SHORTEST_ROAD: Final = 60.0
-"""Metres; the synthesis needs a road longer than its longest wave of 50 m."""
+"""Shortest road in metres; the synthesis needs a road longer than its longest wave of 50 m."""
 
 _POTHOLES: Final = 1
-"""Number of the seed sequence that places the potholes, beside the road's own."""
+"""Number of the seed sequence for the positions of the potholes, separate from the road's."""
 
 ROAD_DRIVES: Final = tuple(
     f"{side}_{what}" for side in ("left", "right") for what in ("height", "slope", "camber", "speed")
@@ -32,29 +32,29 @@ ROAD_DRIVES: Final = tuple(
 """Drives of an axle that plays roads: the effective road under each tyre, and the tyre's speed over it."""
 
 REAR: Final = "rear_"
-"""What the drives of a vehicle's rear axle begin with; its front axle's are named as a single axle's."""
+"""Prefix of the drives of a vehicle's rear axle; its front axle has the names of a single axle."""
 
 VEHICLE_DRIVES: Final = (*ROAD_DRIVES, *(f"{REAR}{name}" for name in ROAD_DRIVES))
 """Drives of a rig with two axles on the same road."""
 
 PlayRoad = Callable[[Signals], Signals]
-"""Plays road inputs on the vehicle and returns its responses."""
+"""Function that plays road inputs on the vehicle and returns its responses."""
 
 
 @dataclass(frozen=True)
 class Tyre:
-    """Geometry of what rolls over the road, all in metres."""
+    """Geometry of tyres and axles, in metres."""
 
     track_width: float = 1.51
     radius: float = 0.3265
     contact_length: float = 0.12
     contact_width: float = 0.19
-    #: How far a vehicle's rear axle rolls behind its front axle.
+    #: Distance of a vehicle's rear axle from its front axle.
     wheelbase: float = 2.8
 
 
 def describe_target(target: Target) -> str:
-    """Return where a target comes from, as text, for the recording and the report.
+    """Return the source of a target as text, for the recording and the report.
 
     Parameters
     ----------
@@ -64,7 +64,7 @@ def describe_target(target: Target) -> str:
     Returns
     -------
     str
-        A phrase without a full stop.
+        Phrase without a full stop.
     """
     drive = f"driven by {target.vehicle} at {target.speed:g} m/s"
     if target.road is not None:
@@ -82,18 +82,19 @@ def make_target(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: Play
     Parameters
     ----------
     campaign : Campaign
-        What was asked for.
+        Campaign with the target section.
     rig : Rig
-        The rig that will reproduce the target.
+        Rig that will reproduce the target.
     vehicle : Rig, optional
-        The rig that plays roads; needed unless the target is a file.
+        Rig that plays roads; needed unless the target is a file.
     play : callable, optional
-        Plays road inputs on the vehicle; needed unless the target is a file.
+        Function that plays road inputs on the vehicle; needed unless the target is a file.
 
     Returns
     -------
     EditedTarget
-        All responses of the rig, in its order and at its sample rate; and what each step did, reading a file first.
+        All responses of the rig, in its order and at its sample rate, and a record of each step, beginning with the
+        reading of a file.
 
     Raises
     ------
@@ -139,14 +140,14 @@ def _source(campaign: Campaign, *, rig: Rig, vehicle: Rig | None, play: PlayRoad
 
 
 def require_playable(signals: Signals, *, rig: Rig) -> None:
-    """Refuse a target that the rig could not play for its sample rate or its length; raises InputError.
+    """Refuse a target whose sample rate or length the rig cannot play; raises InputError.
 
     Parameters
     ----------
     signals : Signals
-        The target.
+        Target.
     rig : Rig
-        The rig.
+        Rig that reproduces it.
 
     Raises
     ------
@@ -168,9 +169,9 @@ def require_playable(signals: Signals, *, rig: Rig) -> None:
 
 
 def road_inputs(campaign: Campaign, *, vehicle: Rig) -> Signals:
-    """Return what the road does to the vehicle's tyres: height, slope, camber and speed, left and right.
+    """Return the road inputs of the vehicle's tyres: height, slope, camber and speed, left and right.
 
-    A rig with a rear axle gets the same road there, as much later as it needs for the wheelbase.
+    A rear axle gets the same road, delayed by the time for the wheelbase.
     """
     import duralab_roads
 

@@ -1,4 +1,4 @@
-"""Reading a measured target: from the channels of a file to the responses of a rig."""
+"""Reading of a measured target: from the channels of a file to the responses of a rig."""
 
 from __future__ import annotations
 
@@ -25,26 +25,25 @@ def read_target_file(
     watched: Collection[str] = (),
     calculated: Sequence[CalculatedChannel] = (),
 ) -> EditedTarget:
-    """Read a target from a file of any format that `duralab.formats` knows.
+    """Read a target from a file of any format of `duralab.formats`.
 
     Parameters
     ----------
     path : Path
-        The file.
+        Path of the file.
     rig : Rig
-        Whose responses are wanted.
+        Rig with the responses.
     channels : mapping of str to SourceChannel
-        Which channel of the file a response follows; a response that is not named follows the channel with the same
-        name.
+        Channel of the file for each response; a response that is not listed follows the channel with its name.
     watched : collection of str
-        Responses that the file need not have: their target is silent.
+        Monitored responses, which may be missing in the file; then their target is zero.
     calculated : sequence of CalculatedChannel
-        Channels calculated from those of the file; a response follows them like any other.
+        Channels calculated from those of the file; a response can follow them like any other.
 
     Returns
     -------
     EditedTarget
-        All responses of the rig in its order and its units, at the file's sample rate; and how each was read.
+        All responses of the rig in its order and units, at the file's sample rate, with a record of the reading.
 
     Raises
     ------
@@ -82,7 +81,7 @@ def _read_record(
     channels: Mapping[str, SourceChannel],
     calculated: Sequence[CalculatedChannel],
 ) -> StepRecord:
-    """Return how the responses were read from the channels of a file."""
+    """Return the record of reading the responses from the channels of a file."""
     stated = {name: channel.model_dump(mode="json", exclude_none=True) for name, channel in channels.items()}
     made = [one.model_dump(mode="json", exclude_none=True, exclude_defaults=True) for one in calculated]
     settings = {"file": path.name, **({"channels": stated} if stated else {}), **({"calculated": made} if made else {})}
@@ -107,7 +106,7 @@ def _source_record(given: Signals, target: Signals, row: int, asked: SourceChann
         return SourceRecord(source="")
     place = given.names.index(wanted.source)
     unit = wanted.unit or given.channels[place].unit
-    # Zero and one in the file's unit give the factor, whatever the offset between the units.
+    # Conversion of 0 and 1 in the file's unit gives the factor, independent of the offset between the units.
     probe = replace(given, samples=np.tile([0.0, 1.0], (len(given.channels), 1)))
     zero, one = _converted(probe, place, unit=unit, wanted=response.unit, response=response.name)
     before, after = given.samples[place], target.samples[row]
@@ -132,7 +131,7 @@ def map_channels(
     channels: Mapping[str, SourceChannel] | None = None,
     watched: Collection[str] = (),
 ) -> Signals:
-    """Give measured channels the names, the order, the units and the signs of a rig's responses."""
+    """Convert measured channels to the names, order, units and signs of a rig's responses."""
     known, given = [channel.name for channel in rig.responses], channels or {}
     _require_known(given, known=known, rig=rig)
     asked = {name: given.get(name) or SourceChannel.model_validate(name) for name in known}

@@ -1,6 +1,6 @@
-"""Test support: a rig with an analytic response, a gateway without this project's code, a temporary lab.
+"""Test support: a rig with an analytic response, an independent gateway, a temporary lab.
 
-`duralab.testing.fixtures` has the same as fixtures of pytest, which is not imported here.
+`duralab.testing.fixtures` provides pytest fixtures; pytest is not imported here.
 """
 
 from duralab.testing.file_controller import ControllerFault, FileController

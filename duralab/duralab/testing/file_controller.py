@@ -1,4 +1,4 @@
-"""A rig controller that exchanges files, for rehearsals and tests: it plays well, or fails in a known way."""
+"""Rig controller that exchanges files, for rehearsals and tests: it plays correctly, or with injected faults."""
 
 from __future__ import annotations
 
@@ -52,31 +52,31 @@ class ControllerFault(StrEnum):
 
 
 class FileController:
-    """Plays drive files of an exchange folder on a rig, and saves response files.
+    """Player of the drive files of an exchange folder on a rig; saves response files.
 
-    A drive that the rig refuses is refused to the lab as a person would do it: by `inbox/<run>.refuse.txt`.
+    If the rig refuses a drive, the controller refuses it to the lab as an operator does: by `inbox/<run>.refuse.txt`.
 
     Parameters
     ----------
     controller_map : ControllerMap
-        Of the rig that is served; the controller has its channels, units and exchange folder.
+        Map of the served rig, with the channels, units and exchange folder.
     play : callable
-        Plays a drive (drives, samples) at the map's `sample_rate`; returns the map's responses (responses, samples).
+        Plays a drive (drives, samples) at the map's `sample_rate`; returns responses (responses, samples).
         `lambda drive: lab.play("front_axle", drive).response.samples` plays on a rig of a lab.
     delay : float
         Samples at `sample_rate` by which commands and responses are recorded late, 0 or more.
     gain : float
-        What is played and recorded as command, over the file; above 0.
+        Ratio of the played and recorded command to the drive file; greater than 0.
     response_rate : float, optional
-        Of the response files, in Hz; the drive file's where not given.
+        Sample rate of the response files, in Hz; the drive file's if not given.
     data_type : DataType
-        Of the response files.
+        Data type of the response files.
     faults : collection of ControllerFault
-        What goes wrong, all of them in every run; `faults` may be changed between runs.
+        Injected faults, all in every run; `faults` may be changed between runs.
     write_seconds : float
-        How long a file that is half written stays so, 0 or more, in s.
+        Duration for which a file stays half written, 0 or more, in s.
     seed : int
-        Decides which channels, and where.
+        Seed of the affected channels and positions.
 
     Raises
     ------
@@ -116,15 +116,15 @@ class FileController:
         self._half: list[tuple[float, Path, bytes]] = []
         self._ended = threading.Event()
         self.played_runs: list[str] = []
-        """Every run that was played, in order; a run that is played twice stands here twice."""
+        """Names of all played runs, in order; a run that is played twice is listed twice."""
 
     def step(self) -> list[str]:
-        """Complete files that are half written, and play each drive file that was not played yet.
+        """Complete half-written files, and play each drive file that was not played yet.
 
         Returns
         -------
         list of str
-            The runs that were played now.
+            Names of the runs played by this call.
         """
         now, due = time.monotonic(), self._half
         self._half = [each for each in due if each[0] > now]
@@ -139,17 +139,17 @@ class FileController:
         return runs
 
     def play_order(self, order: Order) -> Path:
-        """Play one drive file, and save its response, or the reason why the rig did not play it.
+        """Play one drive file, and save its response, or the reason of the rig's refusal.
 
         Parameters
         ----------
         order : Order
-            Of the file, in the outbox.
+            Order of the file in the outbox.
 
         Returns
         -------
         Path
-            What was saved in the inbox.
+            Path of the file saved in the inbox.
         """
         self.played_runs.append(order.run)
         history = read_rpc3(self.folder / "outbox" / f"{order.run}.drv")
@@ -171,7 +171,7 @@ class FileController:
         return path
 
     def run(self) -> None:
-        """Play what comes, until `end`."""
+        """Play incoming drive files until `end`."""
         while not self._ended.wait(_POLL_SECONDS):
             self.step()
 
@@ -180,16 +180,16 @@ class FileController:
         self._ended.set()
 
     def _led(self, drive: np.ndarray) -> np.ndarray:
-        """Return a drive with the controller's own ways from rest and back to it."""
+        """Return a drive with the controller's ramps from rest and back to rest."""
         count = round(self._map.lead_seconds * self._map.sample_rate)
         rise = 0.5 - 0.5 * np.cos(np.pi * np.arange(count) / count)
         return np.hstack([drive[:, :1] * rise, drive, drive[:, -1:] * rise[::-1]])
 
     def _mistaken(self, drive: np.ndarray) -> np.ndarray:
-        """Return what is played: two channels or one that move are mistaken, in shares of their limits."""
+        """Return the drive with the injected faults; only moving channels are swapped or inverted, scaled by limits."""
         limits = np.array([[max(-each.minimum, each.maximum)] for each in self._map.drives])
         shares = drive / limits
-        # A channel that rests is only quantised and resampled.
+        # A fault in a channel at rest would have no effect.
         moving = self._random.permutation(np.flatnonzero(np.ptp(shares, axis=1) > 1.0e-3))
         if ControllerFault.SWAPPED_CHANNELS in self.faults:
             shares[moving[:2]] = shares[moving[1::-1]]
@@ -198,7 +198,7 @@ class FileController:
         if ControllerFault.SPAN_OF_80_PERCENT in self.faults:
             shares *= 0.8
         if ControllerFault.BROKEN_OFF in self.faults:
-            # Program stop: the command returns to zero at once, the acquisition runs on.
+            # Program stop: the command returns to zero at once, the acquisition continues.
             broken = int(self._random.uniform(0.3, 0.8) * shares.shape[1])
             way = min(round(self._map.lead_seconds * self._map.sample_rate), shares.shape[1] - broken)
             fall = np.zeros(shares.shape[1] - broken)
@@ -211,7 +211,7 @@ class FileController:
         return self._map.drives_to_controller(drive)[recorded]
 
     def _file(self, recorded: np.ndarray, order: Order) -> bytes:
-        """Return the response file of what was recorded, late and at the controller's rate."""
+        """Return the response file of recorded signals, delayed and at the controller's rate."""
         rate = self._map.sample_rate
         ppm = 50.0e-6 if ControllerFault.DRIFTING_CLOCK in self.faults else 0.0
         seconds = (recorded.shape[1] - 1 + self._delay) / rate
@@ -235,7 +235,7 @@ class FileController:
         write_rpc3(TimeHistory(tuple(names), tuple(units), self._rate, kept), path, settings)
         content = path.read_bytes()
         path.unlink()
-        # The writer refuses such a value, a broken converter does not.
+        # The writer refuses NaN, so it is inserted afterwards, as a broken converter would do.
         content = content.replace(_MARK.tobytes(), np.float32(np.nan).tobytes())
         if ControllerFault.LOST_LAST_FRAME in self.faults:
             sample_bytes = 2 if data_type is DataType.SHORT_INTEGER else 4
@@ -243,11 +243,11 @@ class FileController:
         return content
 
     def _other(self, content: bytes) -> bytes:
-        """Return what comes into the inbox in the place of a file, and keep that file for the next run."""
+        """Return the file content with the injected faults."""
         if ControllerFault.PREVIOUS_RUN in self.faults and self._before is not None:
             content = self._before[1]
         if ControllerFault.DAMAGED_FILE in self.faults:
-            # Up to the middle: rubbish in one response alone cannot be distinguished from a measurement.
+            # Damage from the first half on: damage in one response alone cannot be distinguished from a measurement.
             kept = int(self._random.uniform(0.0, 0.5) * len(content))
             content = content[:kept] + self._random.bytes(int(self._random.choice([0, len(content) - kept])))
         return content

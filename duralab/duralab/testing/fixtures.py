@@ -1,4 +1,4 @@
-"""Fixtures of pytest: `from duralab.testing.fixtures import linear_lab, linear_rig  # noqa: F401` in a conftest.py."""
+"""Pytest fixtures: `from duralab.testing.fixtures import linear_lab, linear_rig  # noqa: F401` in a conftest.py."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from duralab.testing.linear_rig import LinearRig
 
 @pytest.fixture(scope="session")
 def linear_rig() -> LinearRig:
-    """Return a linear rig of two drives and two responses, with a little noise; override it for another one."""
+    """Return a linear rig of two drives and two responses, with a little noise; override it to use another rig."""
     return LinearRig(noise_rms=1.0)
 
 

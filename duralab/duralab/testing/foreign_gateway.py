@@ -1,8 +1,8 @@
-"""A rig gateway as a stranger would write it from docs/contract.md: Zenoh, the generated messages, and nothing of ours.
+"""Rig gateway written only from docs/contract.md: it uses Zenoh and the generated messages, and no code of Duralab.
 
 `python foreign_gateway.py ENDPOINT` serves the rig `stranger`: two cylinders on a beam, stiff at its ends and soft
-in between, with bump stops. A run continues to its end, and is published when it is over, as its description says. It
-prints `ready` and runs until its standard input ends.
+in between, with bump stops. A run continues to its end and is published after it, as its description states. The
+program prints `ready` and runs until its standard input ends.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ RESPONSES = [
 
 
 def encoding(message: Message) -> str:
-    """Return the encoding of a message as the contract writes it."""
+    """Return the encoding of a message in the form of the contract."""
     return f"application/protobuf;{message.DESCRIPTOR.full_name}"
 
 
 def payload(query: zenoh.Query) -> bytes:
-    """Return what a query brings; an empty message where that is nothing."""
+    """Return the payload of a query; an empty message if there is none."""
     return b"" if query.payload is None else query.payload.to_bytes()
 
 
@@ -63,7 +63,7 @@ def beam(drive: np.ndarray) -> np.ndarray:
 
 
 class RefusedError(Exception):
-    """Error of a request: one sentence, and the field."""
+    """Refusal of a request: one sentence, and the field."""
 
     def __init__(
         self, sentence: str, field: str = "", *, code: query_pb2.FaultCode = query_pb2.FAULT_CODE_INVALID_ARGUMENT
@@ -73,30 +73,30 @@ class RefusedError(Exception):
 
 
 class Stranger:
-    """The rig: what it is, what it does now, what it has played."""
+    """Rig with its description, its present state and its played runs."""
 
     def __init__(self, session: zenoh.Session) -> None:
         self.session = session
         self.lock = threading.Condition()
         self.run, self.latched, self.played = "", "", set()
         self.epoch, self.states = time.time_ns(), 0
-        # Every block that was published, by (run, epoch): what a full link drops is asked for again.
+        # Published blocks, by (run, epoch): a subscriber requests blocks that a full link dropped.
         self.kept: dict[tuple[str, int], list[bytes]] = {}
         handlers = {
             "description": lambda query: self.answer(query, self.description()),
             "state": lambda query: self.answer(query, self.state()),
             "stop": self.stop,
-            # What takes its time has a thread, so that a stop is heard meanwhile.
+            # Slow requests run in a thread, so that a stop is handled meanwhile.
             "reset": lambda query: threading.Thread(target=self.reset, args=(query,), daemon=True).start(),
             "play": lambda query: threading.Thread(target=self.play, args=(query,), daemon=True).start(),
         }
         self.publisher = session.declare_publisher(f"{ROOT}/rig/{RIG}/state")
-        # Kept, because Zenoh takes back what nobody holds.
+        # Keep references, because Zenoh undeclares objects without a reference.
         self.served = [
             session.declare_queryable(f"{ROOT}/rig/{RIG}/{name}", handler) for name, handler in handlers.items()
         ]
         self.served.append(session.declare_queryable(f"{ROOT}/rig/{RIG}/signal/*/@replay", self.replay))
-        # Last: whoever sees the token may ask.
+        # Declared last: a client that sees the token may send requests.
         self.token = session.liveliness().declare_token(f"{ROOT}/live/rig_sim/{RIG}")
 
     def answer(self, query: zenoh.Query, message: Message) -> None:
@@ -111,7 +111,7 @@ class Stranger:
             query.reply_err(fault.SerializeToString(), encoding=encoding(fault))
 
     def description(self) -> rig_pb2.RigDescription:
-        """Return what the rig is."""
+        """Return the description of the rig."""
         return rig_pb2.RigDescription(
             rig=RIG,
             specimen="a beam on two cylinders",
@@ -130,14 +130,14 @@ class Stranger:
         )
 
     def state(self) -> rig_pb2.RigState:
-        """Return what it does now."""
+        """Return the present state."""
         mode = rig_pb2.RIG_MODE_PLAYING if self.run else rig_pb2.RIG_MODE_IDLE
         if self.latched:
             mode = rig_pb2.RIG_MODE_INTERLOCKED
         return rig_pb2.RigState(rig=RIG, mode=mode, reason=self.latched, run=self.run)
 
     def change(self, **values: str) -> None:
-        """Set what it does now, and say it on the stream of states."""
+        """Change the state and publish it."""
         with self.lock:
             vars(self).update(values)
             self.lock.notify_all()
@@ -147,19 +147,19 @@ class Stranger:
             self.states += 1
 
     def stop(self, query: zenoh.Query) -> None:
-        """Latch; the answer names the run that continues."""
+        """Latch the rig; the answer names the run that continues."""
         self.change(latched=rig_pb2.StopRequest.FromString(payload(query)).reason or "stopped")
         self.answer(query, self.state())
 
     def reset(self, query: zenoh.Query) -> None:
-        """Clear the latch, at rest."""
+        """Clear the latch when the rig is at rest."""
         with self.lock:
             self.lock.wait_for(lambda: not self.run)
             self.change(latched="")
         self.answer(query, self.state())
 
     def checked(self, request: rig_pb2.PlayRequest) -> np.ndarray:
-        """Return the drive of a request; raise what is wrong with it."""
+        """Return the drive of a request; raise RefusedError if it is not allowed."""
         given = request.drive
         channels = [(channel.name, channel.unit) for channel in given.channels]
         if not re.fullmatch(r"[a-z0-9][a-z0-9_.-]*", request.run):
@@ -174,7 +174,7 @@ class Stranger:
         return drive
 
     def begin(self, run: str) -> None:
-        """Take the rig for a run; raise why it is not free."""
+        """Reserve the rig for a run; raise RefusedError if it is not free."""
         with self.lock:
             if self.latched:
                 raise RefusedError(f"Latched: {self.latched}.", code=query_pb2.FAULT_CODE_FAILED_PRECONDITION)
@@ -211,12 +211,12 @@ class Stranger:
         self.answer(query, result)
 
     def report(self, query: zenoh.Query, rest: float) -> None:
-        """Say what it does, so that nobody takes it for dead."""
+        """Send progress, so that the client does not report a silent rig."""
         waiting = query_pb2.Progress(phase=WAITING, remaining_seconds=rest or -1.0)
         query.reply(query.key_expr, waiting.SerializeToString(), encoding=encoding(waiting))
 
     def publish(self, run: str, drive: np.ndarray, response: np.ndarray, epoch: int) -> int:
-        """Publish the blocks of a run, each with its number; return how many."""
+        """Publish the blocks of a run, each with its number; return the number of blocks."""
         publisher = self.session.declare_publisher(
             f"{ROOT}/rig/{RIG}/signal/{run}",
             congestion_control=zenoh.CongestionControl.DROP,
@@ -239,7 +239,7 @@ class Stranger:
         return len(firsts)
 
     def replay(self, query: zenoh.Query) -> None:
-        """Send again the blocks that somebody missed."""
+        """Send the blocks that a subscriber missed again."""
         asked = {name: int(query.parameters.get(name) or 0) for name in ("epoch", "first", "stop")}
         run = str(query.key_expr).split("/")[-2]
         key = str(query.key_expr).removesuffix("/@replay")
@@ -259,7 +259,7 @@ def main() -> None:
     config = zenoh.Config()
     config.insert_json5("mode", '"peer"')
     config.insert_json5("connect/endpoints", f'["{sys.argv[1]}"]')
-    # Where no lab is, it ends.
+    # End the program if there is no lab at the endpoint.
     config.insert_json5("connect/timeout_ms", "5000")
     config.insert_json5("connect/exit_on_failure", "true")
     config.insert_json5("listen/endpoints", '["tcp/127.0.0.1:0"]')

@@ -1,4 +1,4 @@
-"""Labs for tests: the services of a lab on a free port, with rigs of one's own in this process or beside it."""
+"""Labs for tests: the services of a lab on a free port, with custom rigs in this process or another one."""
 
 from __future__ import annotations
 
@@ -33,25 +33,25 @@ def lab(
     endurance: bool = False,
     approach: Approach = Approach(ramp=0.0),  # noqa: B008 - frozen
 ) -> Iterator[Lab]:
-    """Start a lab whose rigs are served by this process, until the block ends.
+    """Start a lab until the block ends; this process serves its custom rigs.
 
     Parameters
     ----------
     *rigs : Rig
-        Custom rigs, each under the name in its description.
+        Custom rigs, with the names in their descriptions.
     out : Path
         Folder for results, recordings and logs.
     simulated : sequence of str
-        Shipped rigs that the simulator serves; without any, it is not started.
+        Shipped rigs for the simulator, which is not started if there are none.
     endurance : bool
-        Start a sequencer as well, for `Lab.endure`.
+        Whether to start a sequencer as well, for `Lab.endure`.
     approach : Approach
-        Ways of the rigs to a drive's first sample and back; where not given, a run begins as a step.
+        Ramps of the rigs to a drive's first sample and back; if not given, a run begins with a step.
 
     Yields
     ------
     Lab
-        On a free port of 127.0.0.1; its processes end with the block, also after an exception.
+        Lab on a free port of 127.0.0.1; its processes end with the block, also after an exception.
 
     Raises
     ------
@@ -74,7 +74,7 @@ def lab(
         if rigs:
             joined = stack.enter_context(open_bus(BusConfig(connect=bus.listening), service=SERVICE))
             servers = stack.enter_context(serving(joined, *rigs, config=GatewayConfig(), approach=approach))
-            # Before the rigs are taken apart: a handler may be using one.
+            # Stop serving before the rigs are closed: a handler may be using one.
             stack.callback(joined.stop_serving)
             bus.wait_for_live({(SERVICE, server.name) for server in servers}, _WAIT_SECONDS)
         yield Lab(bus, out=out, supervisor=supervisor, recordings=RecordingsPlace(recordings))
@@ -86,21 +86,21 @@ def check_contract(
     seconds: float = 1.0,
     approach: Approach = Approach(ramp=0.0),  # noqa: B008 - frozen
 ) -> list[Finding]:
-    """Check whether a rig keeps the contract, as `duralab check-rig` does, on a bus with nothing else on it.
+    """Check whether a rig conforms to the contract, as `duralab check-rig` does, on a separate bus.
 
     Parameters
     ----------
     rig : Rig
-        It moves by 5 % of its limits, and is stopped once.
+        Rig to check; it moves by 5 % of its limits, and is stopped once.
     seconds : float
-        Length of each of the two drives that are played, in s.
+        Length of each of the two played drives, in s.
     approach : Approach
-        Ways of the rig to a drive's first sample and back.
+        Ramps of the rig to a drive's first sample and back.
 
     Returns
     -------
     list of Finding
-        In the order of the checks; see `duralab.conformance.all_passed`.
+        Findings in the order of the checks; see `duralab.conformance.all_passed`.
 
     Raises
     ------
@@ -118,19 +118,19 @@ def check_contract(
 
 @contextmanager
 def foreign_gateway(endpoint: str) -> Iterator[int]:
-    """Run a gateway that knows Zenoh and the messages and nothing else of this project, until the block ends.
+    """Run a gateway that uses Zenoh and the messages, but no other code of this project, until the block ends.
 
-    Its rig `stranger` has two cylinders on a beam, is not quite linear, and plays in no time.
+    Its rig `stranger` has two cylinders on a beam, is slightly nonlinear, and plays without delay.
 
     Parameters
     ----------
     endpoint : str
-        Of the lab that it joins, as `Lab.endpoints` says.
+        Endpoint of the lab to join, from `Lab.endpoints`.
 
     Yields
     ------
     int
-        Id of its process.
+        Process id of the gateway.
 
     Raises
     ------
@@ -150,21 +150,21 @@ def foreign_gateway(endpoint: str) -> Iterator[int]:
 
 @contextmanager
 def file_gateway(controller_map: Path, endpoint: str, *, folder: Path) -> Iterator[subprocess.Popen[bytes]]:
-    """Run a gateway to a controller that exchanges files, `file_rig`, as a process until the block ends.
+    """Run `file_rig`, the gateway to a controller that exchanges files, as a process until the block ends.
 
     Parameters
     ----------
     controller_map : Path
-        YAML of the rig that it serves.
+        YAML file of the map of the served rig.
     endpoint : str
-        Of the lab that it joins, as `Lab.endpoints` says.
+        Endpoint of the lab to join, from `Lab.endpoints`.
     folder : Path
-        For its configuration, its spool and its log, `file_rig.log`.
+        Folder for its configuration, spool and log, `file_rig.log`.
 
     Yields
     ------
     subprocess.Popen
-        The process; its rig is on the bus.
+        Process whose rig is on the bus.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""A rig that is a known linear plant: its FRF is exact, its noise repeats with the seed of the run."""
+"""Rig with a known linear plant: its FRF is exact, and its noise repeats with the seed of the run."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from duralab_proto.arrays import to_array
 from duralab_proto.v1 import array_pb2, rig_pb2
 
 Filter = tuple[Sequence[float], Sequence[float]]
-"""Numerator and denominator in z^-1, of one response to one drive."""
+"""Numerator and denominator in z^-1 of one response to one drive."""
 
 _PLANT: tuple[tuple[Filter, ...], ...] = (
     (([2.0e4, 1.0e4], [1.0, -1.7, 0.8]), ([0.0, 5.0e3], [1.0, -0.5])),
@@ -22,26 +22,26 @@ _PLANT: tuple[tuple[Filter, ...], ...] = (
 
 
 class LinearRig:
-    """A rig for tests: linear filters between drives and responses, with a static part and white noise.
+    """Rig for tests: linear filters between drives and responses, with a static part and white noise.
 
     Parameters
     ----------
     name : str
         Name of the rig on the bus.
     plant : sequence of sequence of Filter
-        One row a response, one filter a drive; two drives in m and two responses in N where not given.
+        One row per response, one filter per drive; two drives in m and two responses in N if not given.
     drives, responses : sequence of array_pb2.Channel
-        As many as the plant has; named after their kind and number where not given.
+        Channels of the plant; if not given, named after their kind and number.
     sample_rate : float
-        In Hz.
+        Sample rate in Hz.
     static : sequence of float
-        Responses at rest, in their units; zero where not given.
+        Responses at rest, in their units; zero if not given.
     noise_rms : float or sequence of float
         RMS of the white noise of all responses, or of each, in their units.
     block_samples : int
-        Samples of a signal block.
+        Number of samples of a signal block.
     longest_drive : float
-        In s.
+        Longest drive in s.
 
     Raises
     ------
@@ -86,7 +86,7 @@ class LinearRig:
         self._states: list[list[np.ndarray]] = []
 
     def describe(self) -> rig_pb2.RigDescription:
-        """Return what the rig is."""
+        """Return the description of the rig."""
         return rig_pb2.RigDescription(
             rig=self.name,
             specimen="a linear plant",
@@ -107,9 +107,9 @@ class LinearRig:
         Parameters
         ----------
         commands : (drives, samples)
-            Each row in its channel's unit; it continues from the piece before.
+            Piece of the drive, each row in its channel's unit; it continues the previous piece.
         run : Run
-            The run under way; its seed is that of the noise.
+            Present run; its seed is that of the noise.
 
         Returns
         -------
@@ -123,7 +123,7 @@ class LinearRig:
             for column, (numerator, denominator) in enumerate(filters):
                 part, states[column] = signal.lfilter(numerator, denominator, commands[column], zi=states[column])
                 response[row] += part
-        # One row a sample: the same numbers however the run is cut into pieces.
+        # One row per sample, so that the noise does not depend on the pieces of the run.
         noise = self._noise.standard_normal((commands.shape[1], len(response))).T
         return response + self.static[:, None] + self.noise_rms[:, None] * noise
 
@@ -133,21 +133,21 @@ class LinearRig:
         Parameters
         ----------
         reason : str
-            Why it is stopped.
+            Reason of the stop.
         """
 
     def reset(self) -> None:
         """Do nothing: every run begins at rest."""
 
     def respond(self, drive: np.ndarray, *, seed: int | None = None) -> np.ndarray:
-        """Return what a run with this drive measures; without noise where there is no seed.
+        """Return the response that a run with this drive measures; without noise if no seed is given.
 
         Parameters
         ----------
         drive : (drives, samples)
-            Each row in its channel's unit; it begins as a step where its first sample is not zero.
+            Drive, each row in its channel's unit; it begins with a step if its first sample is not zero.
         seed : int, optional
-            Of the run.
+            Seed of the run.
 
         Returns
         -------
@@ -172,12 +172,12 @@ class LinearRig:
         Parameters
         ----------
         frequency : (lines,)
-            In Hz, 0 to half the sample rate.
+            Frequencies in Hz, 0 to half the sample rate.
 
         Returns
         -------
         ndarray, (lines, responses, drives)
-            Complex, in units of response over drive.
+            Complex FRF, in units of response over drive.
         """
         delay = np.exp(-2j * np.pi * np.asarray(frequency) / self.sample_rate)
         rows = [[polyval(delay, above) / polyval(delay, below) for above, below in filters] for filters in self.plant]
