@@ -8,7 +8,7 @@ from wearing_quarter_car import TYRE, quarter_car
 import rig_sim.playing.batch
 from rig_sim import Lost, RigFaultError, load_rig, play_batch
 from rig_sim.checks.proof import ProofError, check_lanes
-from rig_sim.compile import LaneModel
+from rig_sim.compile import LaneModel, lane_model
 from rig_sim.playing import FaultKind, NoisySensor, StuckSensor
 
 #: Of the root mean square of a response about its rest.
@@ -105,7 +105,8 @@ def test_a_batch_gives_the_same_bytes_again_and_a_playback_those_of_any_batch(ca
     first = played("plain", "heavy", "stiff", "soft")
     assert played("plain", "heavy", "stiff", "soft") == first
     assert played("soft", "plain", "stiff")["plain"] == first["plain"]
-    monkeypatch.setattr(rig_sim.playing.batch, "lane_width", lambda _: 8)
+    monkeypatch.setattr(lane_model, "WIDTHS", (8,))
+    monkeypatch.setattr(lane_model, "widest_lanes", lambda: 8)
     assert played("heavy", "soft", "stiff", "plain") == first
 
 

@@ -83,8 +83,8 @@ def check_lanes(lanes: LaneModel, rigs: Sequence[tuple[RigModel, CompiledModel]]
     """
     rng = np.random.default_rng(seed)
     worst = 0.0
-    for first in range(0, len(rigs), lanes.width):
-        variants = range(first, min(first + lanes.width, len(rigs)))
+    for first in range(0, len(rigs), lanes.rigs):
+        variants = range(first, min(first + lanes.rigs, len(rigs)))
         for _ in range(STATES_IN_LANES):
             points = [(random_state(rigs[at][0], rng), _random_inputs(rigs[at][0], rng)) for at in variants]
             answers = lanes.evaluate(variants, [Run(state, inputs[:, None]) for state, inputs in points])

@@ -7,7 +7,7 @@ be checked, and compiled to be played.
 from rig_sim.compile.code_cache import FOLDER_VARIABLE, cached_model
 from rig_sim.compile.compiled_model import CompiledModel, Playback, Run, Steps
 from rig_sim.compile.integrate import Method, amplification
-from rig_sim.compile.lane_model import WIDTHS, LaneModel, lane_width, widest_lanes
+from rig_sim.compile.lane_model import WIDTHS, LaneModel, widest_lanes
 from rig_sim.compile.many import Many, at_once, taken
 from rig_sim.compile.model import compile_model, trace_model
 from rig_sim.compile.numeric import (
@@ -52,7 +52,6 @@ __all__ = [
     "cos",
     "exp",
     "fingerprint",
-    "lane_width",
     "maximum",
     "minimum",
     "select_positive",

@@ -1,7 +1,7 @@
 """Machine code of compiled models on disk, so that a rig that was compiled before starts at once.
 
-The name of a file is a hash of all that determines the code: the caller's key, the compiler and the processor. Code
-from a file is proven against Drake like any other code, at every load.
+The name of a file is a hash of all that determines the code: the caller's key, the sources of this package, the
+compiler and the processor. Code from a file is proven against Drake like any other code, at every load.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _COMPILERS: Final = ("llvmlite", "numpy", "drake")
 def cached_model(key: str, compile_it: Callable[[], CompiledModel]) -> CompiledModel:
     """Return the model of a key: from the cache of this machine, or compiled and stored.
 
-    `key`: Differs if anything in the model or in the generator differs. An error in reading or writing the code is
+    `key`: Differs if anything in the model differs. An error in reading or writing the code is
     logged, and the model is compiled.
     """
     return _kept(key, compile_it, link=_linked, describe=_described)
@@ -47,7 +47,7 @@ def cached_model(key: str, compile_it: Callable[[], CompiledModel]) -> CompiledM
 def shared_model(said: str, table: ConstantTable, compile_it: Callable[[], CompiledModel]) -> CompiledModel:
     """Return a model from the code of any model of its structure, with its own constants.
 
-    `said`: Parameters of the code, in addition to the table's structure and the sources of this package. If there is no
+    `said`: Parameters of the code, in addition to the table's structure. If there is no
     code yet, the model is compiled; code with a number computed from its constants is not stored for other models.
     """
 
@@ -55,7 +55,7 @@ def shared_model(said: str, table: ConstantTable, compile_it: Callable[[], Compi
         return _linked(with_constants(code, table.content(described["constants"])), described)
 
     return _kept(
-        f"structure {table.structure} {said} {_generator()}",
+        f"structure {table.structure} {said}",
         compile_it,
         link=linked,
         describe=lambda model: _described(model) | {"constants": table.slots} if table.complete else None,
@@ -112,7 +112,7 @@ def _folder() -> Path | None:
 def _digest(key: str) -> str:
     made_with = [f"{name} {version(name)}" for name in _COMPILERS]
     processor = [llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()]
-    return hashlib.sha256("\n".join([key, sys.version, *made_with, *processor]).encode()).hexdigest()
+    return hashlib.sha256("\n".join([key, _generator(), sys.version, *made_with, *processor]).encode()).hexdigest()
 
 
 def _read(path: Path, link: Callable[[bytes, dict[str, Any]], _Made]) -> _Made | None:

@@ -12,7 +12,7 @@ import numpy as np
 from llvmlite import binding as llvm
 from numpy.typing import ArrayLike
 
-from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Method, play_symbol
+from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Method, padded, play_symbol
 
 #: Functions called on processors without the instruction.
 _LIBM = ("fma", "floor")
@@ -260,11 +260,14 @@ class CompiledModel(NamedModel):
         any finite ones by default. Raises `ValueError` when an array has the wrong shape, a command is not finite, or a
         number is out of its range.
         """
-        inner = self._vector(state, self.state_names, "state")[self._order]
+        count = len(self.state_names)
+        inner = np.zeros(padded(count))
+        inner[:count] = self._vector(state, self.state_names, "state")[self._order]
         command = self._commands(commands)
         self._check_steps(sample_interval, substeps)
         limits = self._limits(bounds)
-        inner_limits = limits[self._order]
+        inner_limits = np.ones(len(inner))
+        inner_limits[:count] = limits[self._order]
         samples = command.shape[1] - 1
         outputs = np.empty((len(self.output_names), samples))
         status = self._play[method](

@@ -11,12 +11,12 @@ import hashlib
 import struct
 from collections.abc import Sequence
 from functools import cache
-from typing import Final
+from typing import Final, Protocol
 
 import numpy as np
 
 from rig_sim.compile.expansion import numbers_written_out
-from rig_sim.compile.tracing import TracedModel, creation_order
+from rig_sim.compile.tracing import Expression, TracedModel, creation_order
 
 SYMBOL: Final = "constants"
 _SLOT_BYTES: Final = 16
@@ -27,6 +27,30 @@ _PLAIN: Final = (0.0, 0.25, 0.5, 1.0, 2.0, 3.0, 4.0, 6.0, 8.0)
 
 Entry = int | float
 """Number of one of the model's magnitudes, from 1, with its sign; or a number that is the same in all models."""
+
+Term = tuple[Expression, float]
+"""Constant of a model and its sign, 1 or -1."""
+
+
+class Constants(Protocol):
+    """Table of constants from which the code of a function reads one or two at a time."""
+
+    @property
+    def parameters(self) -> Sequence[str]:
+        """Parameters of a function that reads the table."""
+        ...
+
+    def holds(self, expression: Expression) -> bool:
+        """Return whether an expression is a constant."""
+        ...
+
+    def place(self, terms: Sequence[Term]) -> int | None:
+        """Return the place of one or two constants; None if the code itself must hold them."""
+        ...
+
+    def load_lines(self, name: str, kind: str, place: int) -> list[str]:
+        """Write the load of a place."""
+        ...
 
 
 class ConstantTable:
@@ -68,9 +92,18 @@ class ConstantTable:
         """Content of each place, one or two numbers in 16 bytes."""
         return [list(entries) for entries in self._slots]
 
-    def place(self, values: Sequence[float]) -> int | None:
-        """Return the byte of the table with one or two numbers; None if the code itself must hold them."""
-        entries = tuple(self._entry(value) for value in values)
+    @property
+    def parameters(self) -> Sequence[str]:
+        """None: the table is part of the module."""
+        return ()
+
+    def holds(self, expression: Expression) -> bool:
+        """Return whether an expression is a constant."""
+        return expression.value is not None
+
+    def place(self, terms: Sequence[Term]) -> int | None:
+        """Return the byte of the table with one or two constants; None if the code itself must hold them."""
+        entries = tuple(self._entry(sign * float(expression)) for expression, sign in terms)
         if all(isinstance(entry, float) for entry in entries):
             return None
         return len(_MARK) + _SLOT_BYTES * self._slots.setdefault(entries, len(self._slots))
@@ -82,6 +115,11 @@ class ConstantTable:
         if abs(value) not in _written():
             self.complete = False
         return value
+
+    def load_lines(self, name: str, kind: str, place: int) -> list[str]:
+        """Write the load of a place."""
+        address = f"getelementptr (i8, ptr @{SYMBOL}, i64 {place})"
+        return [f"{name} = load {kind}, ptr {address}, align 16, !invariant.load !0"]
 
     def text(self) -> str:
         """Write the table with the model's own values."""
@@ -108,9 +146,67 @@ class ConstantTable:
         return table.tobytes()
 
 
-def load_text(name: str, kind: str, place: int) -> str:
-    """Write the load of a table's place."""
-    return f"{name} = load {kind}, ptr getelementptr (i8, ptr @{SYMBOL}, i64 {place}), align 16, !invariant.load !0"
+class LaneTable:
+    """Table of the constants of rigs in lanes, which a function gets as an argument: vectors of a number of each rig.
+
+    A pair of constants lies side by side. Places count vectors.
+    """
+
+    def __init__(self, constants: Sequence[Expression], *, rigs: int) -> None:
+        self._numbers = {leaf.index: number for number, leaf in enumerate(constants, start=1)}
+        self._rigs = rigs
+        self._entries: list[Entry] = []
+        self._places: dict[tuple[Entry, ...], int] = {}
+        self._free: int | None = None  # second half of a pair's place, so that pairs stay aligned
+
+    @property
+    def parameters(self) -> Sequence[str]:
+        """Parameter of a function that reads the table."""
+        return ("ptr noalias readonly %constants",)
+
+    def holds(self, expression: Expression) -> bool:
+        """Return whether an expression is a constant."""
+        return expression.value is not None or expression.index in self._numbers
+
+    def place(self, terms: Sequence[Term]) -> int | None:
+        """Return the place of one or two constants; None if they are the same in all rigs."""
+        entries = tuple(self._entry(expression, sign) for expression, sign in terms)
+        if all(isinstance(entry, float) for entry in entries):
+            return None
+        if entries not in self._places:
+            self._places[entries] = self._new_place(entries)
+        return self._places[entries]
+
+    def _entry(self, expression: Expression, sign: float) -> Entry:
+        if expression.value is not None:
+            return sign * expression.value
+        return int(sign) * self._numbers[expression.index]
+
+    def _new_place(self, entries: tuple[Entry, ...]) -> int:
+        if len(entries) == 1 and self._free is not None:
+            place, self._free = self._free, None
+            self._entries[place] = entries[0]
+            return place
+        place = len(self._entries)
+        self._entries += entries
+        if len(entries) == 1:
+            self._free = place + 1
+            self._entries.append(0.0)
+        return place
+
+    def load_lines(self, name: str, kind: str, place: int) -> list[str]:
+        """Write the load of a place."""
+        return [
+            f"{name}.p = getelementptr <{self._rigs} x double>, ptr %constants, i64 {place}",
+            f"{name} = load {kind}, ptr {name}.p, align 8",
+        ]
+
+    def content(self, values: np.ndarray) -> np.ndarray:
+        """Return the table (vectors, rigs) of the constants' values (constants, rigs)."""
+        rows = np.empty((len(self._entries), values.shape[1]))
+        for row, entry in zip(rows, self._entries, strict=True):
+            row[:] = entry if isinstance(entry, float) else np.copysign(1.0, entry) * values[abs(entry) - 1]
+        return rows
 
 
 def with_constants(code: bytes, content: bytes) -> bytes:

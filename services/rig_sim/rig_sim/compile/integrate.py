@@ -16,6 +16,9 @@ are computed once a sample. The loop's own function, one for each method, is::
 
 For several rigs in the lanes of vectors every ``double`` in an array is a vector, and each function gets one more array
 after ``inputs`` or ``bounds``: the constants that differ between the rigs. The loop ends if any lane is out of bounds.
+
+The loop adds up and compares states in vectors, so its ``state`` and ``bounds`` have room for :func:`padded` states;
+those beyond the model's are 0 and in bounds.
 """
 
 from __future__ import annotations
@@ -26,11 +29,11 @@ from dataclasses import dataclass
 from enum import Enum
 from fractions import Fraction
 from functools import cache
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
-from rig_sim.compile.llvm_text import DOUBLE, Kind, literal
+from rig_sim.compile.llvm_text import DOUBLE, Kind, fused_lines, literal, vector_kind
 
 Rational = Fraction | int
 
@@ -134,11 +137,23 @@ PLAY_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *_PLAY_ARGUMENTS)
 LANES_PLAY_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *_PLAY_ARGUMENTS, ctypes.c_void_p)
 
 
-def play_text(*, states: int, inputs: int, outputs: int, kind: Kind = DOUBLE) -> str:
-    """Write the loop for a model of these sizes; of vectors for rigs in lanes."""
-    numbers, align = kind.numbers, "" if kind is DOUBLE else ", align 8"
+#: Doubles in a vector of the loop for one rig.
+SINGLE_WIDTH: Final = 8
+
+
+def padded(states: int, *, rigs: int = 1, width: int = SINGLE_WIDTH) -> int:
+    """Return the number of states with which the loop's vectors of `width` doubles are full."""
+    together = width // rigs
+    return -(-states // together) * together
+
+
+def play_text(*, states: int, inputs: int, outputs: int, rigs: int = 1, width: int = SINGLE_WIDTH) -> str:
+    """Write the loop for a model of these sizes, for several rigs in lanes or one, in vectors of `width` doubles."""
+    kind = vector_kind(rigs)
+    numbers, align = kind.numbers, ", align 8"
     entry, fraction = _spread(kind, "%fraction")
-    loop = _Loop(kind, states=states, inputs=max(inputs, 1), outputs=max(outputs, 1))
+    count = padded(states, rigs=rigs, width=width) * rigs // width
+    loop = _Loop(rigs, vector_kind(width), count=count, inputs=max(inputs, 1), outputs=max(outputs, 1))
     return "\n".join(
         [
             _elementwise(
@@ -172,7 +187,7 @@ def play_text(*, states: int, inputs: int, outputs: int, kind: Kind = DOUBLE) ->
   %q = getelementptr {numbers}, ptr %outputs, i64 %at
   store {numbers} %value, ptr %q{align}""",
             ),
-            _within(kind, states=states),
+            loop.within(),
             *(loop.text(method) for method in Method),
         ]
     )
@@ -208,24 +223,6 @@ end:
 }}"""
 
 
-def _within(kind: Kind, *, states: int) -> str:
-    if kind is DOUBLE:
-        return _WITHIN.format(
-            numbers="double", truth="i1", yes="true", suffix="f64", states=states, align="", all="", inside="%inside"
-        )
-    reduced = f"  %all = call i1 @llvm.vector.reduce.and.v{kind.lanes}i1({kind.truth} %inside)\n"
-    return _WITHIN.format(
-        numbers=kind.numbers,
-        truth=kind.truth,
-        yes=kind.constant("true", element="i1"),
-        suffix=kind.suffix,
-        states=states,
-        align=", align 8",
-        all=reduced,
-        inside="%all",
-    )
-
-
 # Ordered comparison: a NaN is outside every bound.
 _WITHIN = """
 define internal i1 @within(ptr noalias %state, ptr noalias %bounds) alwaysinline nounwind {{
@@ -236,16 +233,17 @@ loop:
   %so.far = phi {truth} [{yes}, %entry], [%inside, %loop]
   %p = getelementptr {numbers}, ptr %state, i64 %i
   %q = getelementptr {numbers}, ptr %bounds, i64 %i
-  %value = load {numbers}, ptr %p{align}
-  %bound = load {numbers}, ptr %q{align}
+  %value = load {numbers}, ptr %p, align 8
+  %bound = load {numbers}, ptr %q, align 8
   %magnitude = call {numbers} @llvm.fabs.{suffix}({numbers} %value)
   %this = fcmp ole {numbers} %magnitude, %bound
   %inside = and {truth} %so.far, %this
   %i.next = add i64 %i, 1
-  %again = icmp slt i64 %i.next, {states}
+  %again = icmp slt i64 %i.next, {count}
   br i1 %again, label %loop, label %end
 end:
-{all}  ret i1 {inside}
+  %all = call i1 @llvm.vector.reduce.and.v{lanes}i1({truth} %inside)
+  ret i1 %all
 }}"""
 
 
@@ -257,36 +255,58 @@ def play_symbol(method: Method) -> str:
 class _Loop:
     """Loops of one model, one for each method."""
 
-    def __init__(self, kind: Kind, *, states: int, inputs: int, outputs: int) -> None:
-        self._kind = kind
-        self._states, self._inputs, self._outputs = states, inputs, outputs
+    def __init__(self, rigs: int, states: Kind, *, count: int, inputs: int, outputs: int) -> None:
+        self._rigs = rigs
+        self._states = states
+        self._count = count
+        self._inputs, self._outputs = inputs, outputs
         # Constants that differ between rigs in lanes.
-        self._constants = "" if kind is DOUBLE else ", ptr %constants"
+        self._constants = "" if rigs == 1 else ", ptr %constants"
+
+    def within(self) -> str:
+        """Write the comparison of all states with their bounds."""
+        kind = self._states
+        return _WITHIN.format(
+            numbers=kind.numbers,
+            truth=kind.truth,
+            yes=kind.constant("true", element="i1"),
+            suffix=kind.suffix,
+            lanes=kind.lanes,
+            count=self._count,
+        )
 
     def text(self, method: Method) -> str:
         """Write the loop of a method."""
         tableau = method.tableau
         name = play_symbol(method)
         combinations = [
-            _combination(f"{name}.to.{stage}", shares, states=self._states, kind=self._kind)
+            _combination(f"{name}.to.{stage}", shares, self._states, count=self._count, contract=self._rigs == 1)
             for stage, shares in enumerate((*tableau.stages, tableau.weights), start=1)
         ]
         slopes = [f"%slope{stage}" for stage in range(len(tableau.nodes))]
-        numbers = self._kind.numbers
         play = _PLAY.format(
             name=name,
-            numbers=numbers,
-            states=self._states,
+            numbers=vector_kind(self._rigs).numbers,
+            states=f"[{self._count} x {self._states.numbers}]",
             inputs=self._inputs,
             outputs=self._outputs,
-            slopes="\n".join(f"  {slope} = alloca [{self._states} x {numbers}], align 64" for slope in slopes),
+            slopes="\n".join(self._slope(slope) for slope in slopes),
             stages="\n".join(self._stages(tableau, name)),
             step=_call(f"{name}.to.{len(slopes)}", tableau.weights, "%state"),
             constants=self._constants,
-            attributes=self._kind.attributes,
+            attributes=self._states.attributes if self._rigs > 1 else "",
             parameter=self._constants.replace("ptr ", "ptr noalias "),
         )
         return "\n".join([*combinations, play])
+
+    def _slope(self, name: str) -> str:
+        """Write the memory of a slope; the model does not write what is beyond its states."""
+        numbers, last = self._states.numbers, self._count - 1
+        return (
+            f"  {name} = alloca [{self._count} x {numbers}], align 64\n"
+            f"  {name}.last = getelementptr {numbers}, ptr {name}, i64 {last}\n"
+            f"  store {numbers} zeroinitializer, ptr {name}.last, align 8"
+        )
 
     def _stages(self, tableau: Tableau, name: str) -> list[str]:
         """Write the stages after the first; commands are interpolated if the node differs from the one before."""
@@ -310,49 +330,48 @@ def _call(name: str, shares: Sequence[Rational], moved: str) -> str:
     return f"  call void @{name}(ptr %state, {used}double %step, ptr {moved})"
 
 
-def _combination(name: str, shares: Sequence[Rational], *, states: int, kind: Kind) -> str:
-    """Write ``moved = start + step * sum(share * slope)``; slopes without a share are not arguments."""
+def _combination(name: str, shares: Sequence[Rational], kind: Kind, *, count: int, contract: bool) -> str:
+    """Write ``moved = start + step * sum(share * slope)``; slopes without a share are not arguments.
+
+    For one rig the compiler may fuse products and sums. In lanes they are fused here, so that every width has the same
+    roundings.
+    """
     used = [(stage, float(share)) for stage, share in enumerate(shares) if share]
     pointers = "".join(f"ptr noalias readonly %slope{stage}, " for stage, _ in used)
-    numbers, align = kind.numbers, "" if kind is DOUBLE else ", align 8"
+    numbers = kind.numbers
     entry, step = _spread(kind, "%step")
-    lines = ["", f"  %p = getelementptr {numbers}, ptr %start, i64 %i", f"  %value = load {numbers}, ptr %p{align}"]
+    lines = ["", f"  %p = getelementptr {numbers}, ptr %start, i64 %i", f"  %value = load {numbers}, ptr %p, align 8"]
+
+    def product_and_sum(a: str, b: str, addend: str, *, number: str) -> list[str]:
+        if not contract:
+            return [f"  {line}" for line in fused_lines([a, b], addend, name=f"%sum{number}", kind=kind)]
+        return [
+            f"  %part{number} = fmul contract {numbers} {a}, {b}",
+            f"  %sum{number} = fadd contract {numbers} {addend}, %part{number}",
+        ]
+
     total = ""
     for stage, share in used:
         factor = kind.constant(literal(share))
         lines += [
             f"  %p{stage} = getelementptr {numbers}, ptr %slope{stage}, i64 %i",
-            f"  %rate{stage} = load {numbers}, ptr %p{stage}{align}",
+            f"  %rate{stage} = load {numbers}, ptr %p{stage}, align 8",
         ]
         if total:
-            lines += _product_and_sum(kind, f"%rate{stage}", factor, total, number=f"{stage}")
+            lines += product_and_sum(f"%rate{stage}", factor, total, number=f"{stage}")
+            total = f"%sum{stage}"
         else:
-            contract = " contract" if kind is DOUBLE else ""
-            lines.append(f"  %part{stage} = fmul{contract} {numbers} %rate{stage}, {factor}")
-        total = f"%sum{stage}" if total else f"%part{stage}"
+            flags = " contract" if contract else ""
+            lines.append(f"  %part{stage} = fmul{flags} {numbers} %rate{stage}, {factor}")
+            total = f"%part{stage}"
     lines += [
-        *_product_and_sum(kind, total, step, "%value", number=".new"),
+        *product_and_sum(total, step, "%value", number=".new"),
         f"  %r = getelementptr {numbers}, ptr %moved, i64 %i",
-        f"  store {numbers} %sum.new, ptr %r{align}",
+        f"  store {numbers} %sum.new, ptr %r, align 8",
     ]
     return _elementwise(
-        name, f"ptr %start, {pointers}double %step, ptr %moved", count=states, body="\n".join(lines), entry=entry
+        name, f"ptr %start, {pointers}double %step, ptr %moved", count=count, body="\n".join(lines), entry=entry
     )
-
-
-def _product_and_sum(kind: Kind, a: str, b: str, addend: str, *, number: str) -> list[str]:
-    """Write ``%sum = addend + a * b``.
-
-    For one rig the compiler may fuse them. In lanes they are fused here, so that every width has the same roundings.
-    """
-    numbers = kind.numbers
-    if kind is DOUBLE:
-        return [
-            f"  %part{number} = fmul contract {numbers} {a}, {b}",
-            f"  %sum{number} = fadd contract {numbers} {addend}, %part{number}",
-        ]
-    operands = ", ".join(f"{numbers} {operand}" for operand in (a, b, addend))
-    return [f"  %sum{number} = call {numbers} @llvm.fma.{kind.suffix}({operands})"]
 
 
 # Fractions of the sample are computed from the substep's number, not accumulated: only the state is carried from
@@ -362,7 +381,7 @@ define i64 @{name}(ptr noalias %state, ptr noalias %commands, i64 %command.strid
                    i64 %output.stride, i64 %samples, i64 %substeps, double %step,
                    ptr noalias %bounds{parameter}) nounwind{attributes} {{
 entry:
-  %point = alloca [{states} x {numbers}], align 64
+  %point = alloca {states}, align 64
 {slopes}
   %inputs = alloca [{inputs} x {numbers}], align 64
   %row = alloca [{outputs} x {numbers}], align 64

@@ -1,14 +1,15 @@
-"""Machine code for several rigs of one structure, one in each lane of a vector: the player of batches.
+"""Machine code for several rigs of one structure in the lanes of a vector: the player of batches.
 
-Arrays are [place][lane]. The result of a lane depends on its own numbers only: this package, not a compiler, decides
-which products and sums are fused, so a playback has the same bytes in every lane, beside any others, and in vectors
-of any width.
+A rig is one lane, or two if its sides mirror each other. Arrays are [place][rig]. The result of a lane depends on its
+own numbers only: this package, not a compiler, decides which products and sums are fused, so a playback has the same
+bytes in every lane, beside any others, and in vectors of any width.
 """
 
 from __future__ import annotations
 
 import ctypes
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from typing import Final
 
@@ -17,14 +18,16 @@ from llvmlite import binding as llvm
 
 from rig_sim.compile.code_cache import cached_module
 from rig_sim.compile.compiled_model import CompiledModule, NamedModel, Playback, Run
+from rig_sim.compile.constants import LaneTable
 from rig_sim.compile.expansion import expanded
-from rig_sim.compile.integrate import COMPLETED, LANES_PLAY_SIGNATURE, Method, play_symbol, play_text
+from rig_sim.compile.integrate import COMPLETED, LANES_PLAY_SIGNATURE, Method, padded, play_symbol, play_text
+from rig_sim.compile.lanes import MirroredModel, mirrored_model
 from rig_sim.compile.llvm_text import declarations, function_text, vector_kind
 from rig_sim.compile.tracing import Expression, TracedModel
 from rig_sim.compile.variants import Variants, fused
 
 WIDTHS: Final = (4, 8)
-"""Numbers of rigs in a vector: AVX2 has four doubles, AVX-512 eight."""
+"""Doubles in a vector: AVX2 has four, AVX-512 eight."""
 
 _ALIGNMENT: Final = 64
 _OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)
@@ -40,28 +43,51 @@ def widest_lanes() -> int:
     return 4 if features.get("avx2") and features.get("fma") else 1
 
 
-def lane_width(rigs: int) -> int:
-    """Return the vector width for a number of rigs: the narrowest that holds all of them, else the widest."""
-    return next((width for width in WIDTHS if rigs <= width <= widest_lanes()), widest_lanes())
+@dataclass(frozen=True)
+class PlannedVariants:
+    """United variants, ready to be written; `mirrored` has both sides of a rig in one vector, if it has two."""
+
+    traced: TracedModel
+    constants: tuple[Expression, ...]
+    mirrored: MirroredModel | None
+
+    @classmethod
+    def of(cls, variants: Variants) -> PlannedVariants:
+        """Plan how the variants are computed; it depends on no value."""
+        traced = expanded(variants.traced)
+        constants = _leaves(traced, variants)
+        mirrored = mirrored_model(traced, constants)
+        if mirrored is None:
+            traced = fused(traced)
+            constants = _leaves(traced, variants)
+        return cls(traced, constants, mirrored)
+
+    @property
+    def sides(self) -> int:
+        """Number of lanes of a rig in a vector."""
+        return 1 if self.mirrored is None else 2
+
+    def text(self, table: LaneTable, *, width: int) -> str:
+        """Write the module with vectors of `width` doubles."""
+        traced, rigs = self.traced, width // self.sides
+        kinds = vector_kind(rigs), vector_kind(width)
+        if self.mirrored is not None:
+            functions = self.mirrored.text(contract=True, table=table, rigs=rigs)
+        else:
+            functions = "\n".join(
+                function_text(name, (traced.state, traced.inputs), results, contract=False, kind=kinds[0], table=table)
+                for name, results in (
+                    ("derivative", (traced.derivative,)),
+                    ("observe", (traced.derivative, traced.outputs)),
+                )
+            )
+        sizes = {"states": len(traced.state), "inputs": len(traced.inputs), "outputs": len(traced.outputs)}
+        return "\n".join([declarations(*kinds), functions, play_text(**sizes, rigs=rigs, width=width)])
 
 
-def lanes_text(traced: TracedModel, constants: Sequence[Expression], *, width: int) -> str:
-    """Write the module of united variants; `constants` are the leaves read from the table."""
-    kind = vector_kind(width)
-    traced = fused(expanded(traced))
+def _leaves(traced: TracedModel, variants: Variants) -> tuple[Expression, ...]:
     graph = traced.state[0].graph
-    table = [graph.input(constant.name) for constant in constants]
-    arguments, rates = (traced.state, traced.inputs, table), traced.derivative
-    reduced = f"declare i1 @llvm.vector.reduce.and.v{width}i1({kind.truth})"
-    return "\n".join(
-        [
-            declarations(kind),
-            reduced,
-            function_text("derivative", arguments, (rates,), contract=False, kind=kind),
-            function_text("observe", arguments, (rates, traced.outputs), contract=False, kind=kind),
-            play_text(states=len(traced.state), inputs=len(traced.inputs), outputs=len(traced.outputs), kind=kind),
-        ]
-    )
+    return tuple(graph.input(constant.name) for constant in variants.constants)
 
 
 @lru_cache(maxsize=8)
@@ -70,31 +96,47 @@ def _module(text: str) -> CompiledModule:
 
 
 class LaneModel(NamedModel):
-    """Machine code of united variants, `width` of them at a time."""
+    """Machine code of united variants.
+
+    `width`: Doubles in a vector. `rigs`: Number of runs at a time; half the width if both sides of a rig are in lanes.
+    """
 
     def __init__(
         self,
         variants: Variants,
         *,
-        width: int,
+        runs: int,
+        widest: int | None = None,
         state_names: tuple[str, ...],
         input_names: tuple[str, ...],
         output_names: tuple[str, ...],
     ) -> None:
+        """Compile for a number of runs: vectors are the narrowest that hold all of them, else the widest, in doubles.
+
+        `widest` is that of this processor by default.
+        """
         super().__init__(state_names=state_names, input_names=input_names, output_names=output_names)
-        self.width = width
-        self._values = variants.values
-        self._module = _module(lanes_text(variants.traced, variants.constants, width=width))
+        planned = PlannedVariants.of(variants)
+        widest = widest_lanes() if widest is None else widest
+        self.width = next((width for width in WIDTHS if runs * planned.sides <= width <= widest), widest)
+        self.rigs = self.width // planned.sides
+        table = LaneTable(planned.constants, rigs=self.rigs)
+        self._module = _module(planned.text(table, width=self.width))
+        self._constants = table.content(variants.values)
+        order = range(len(state_names)) if planned.mirrored is None else planned.mirrored.order
+        self._order = np.array(order)
+        self._places = np.argsort(self._order)
         self._observe = _OBSERVE_SIGNATURE(self._module.address("observe"))
         self._play = {method: LANES_PLAY_SIGNATURE(self._module.address(play_symbol(method))) for method in Method}
 
     def evaluate(self, variants: Sequence[int], runs: Sequence[Run]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return derivative and outputs of each run at its state and its first command."""
-        lanes = _Lanes(self._values, variants, width=self.width)
-        state = lanes.spread([self._vector(run.state, self.state_names, "state") for run in runs])
+        lanes = _Lanes(self._constants, variants, rigs=self.rigs)
+        state = lanes.spread([self._vector(run.state, self.state_names, "state")[self._order] for run in runs])
         inputs = lanes.spread([self._commands(run.commands)[:, 0] for run in runs])
-        derivative, outputs = (_aligned((len(names), self.width)) for names in (self.state_names, self.output_names))
+        derivative, outputs = (_aligned((len(names), self.rigs)) for names in (self.state_names, self.output_names))
         self._observe(*(array.ctypes.data for array in (state, inputs, lanes.table, derivative, outputs)))
+        derivative = derivative[self._places]
         return [(derivative[:, lane].copy(), outputs[:, lane].copy()) for lane in range(len(runs))]
 
     def play(
@@ -102,26 +144,28 @@ class LaneModel(NamedModel):
     ) -> list[Playback]:
         """Integrate a run of each variant as :meth:`CompiledModel.play`; runs do not affect each other.
 
-        Raises `ValueError` as that method, and if there are more runs than lanes.
+        Raises `ValueError` as that method, and if there are more runs than fit.
         """
-        if not 1 <= len(runs) <= self.width:
-            raise ValueError(f"There are {len(runs)} runs for {self.width} lanes; give 1 to {self.width}.")
+        if not 1 <= len(runs) <= self.rigs:
+            raise ValueError(f"There are {len(runs)} runs for {self.rigs} lanes; give 1 to {self.rigs}.")
         self._check_steps(sample_interval, substeps)
         commands = [self._commands(run.commands) for run in runs]
         limits = [self._limits(run.bounds) for run in runs]
         states = [self._vector(run.state, self.state_names, "state") for run in runs]
         ends = [command.shape[1] - 1 for command in commands]
         outputs = [np.empty((len(self.output_names), end)) for end in ends]
+        count = len(self.state_names)
+        room = padded(count, rigs=self.rigs, width=self.width)
         playbacks: dict[int, Playback] = {}
         begin = 0
         while live := [run for run in range(len(runs)) if run not in playbacks]:
             # Up to the first end of a run: chunks give the same bits as one call.
             until = min(ends[run] for run in live)
-            lanes = _Lanes(self._values, [variants[run] for run in live], width=self.width)
-            state = lanes.spread([states[run] for run in live])
-            bounds = lanes.spread([limits[run] for run in live])
+            lanes = _Lanes(self._constants, [variants[run] for run in live], rigs=self.rigs)
+            state = lanes.spread([states[run][self._order] for run in live], room=room)
+            bounds = lanes.spread([limits[run][self._order] for run in live], room=room)
             command = lanes.spread([commands[run][:, begin : until + 1] for run in live])
-            output = _aligned((len(self.output_names), until - begin, self.width))
+            output = _aligned((len(self.output_names), until - begin, self.rigs))
             status = self._play[method](
                 state.ctypes.data,
                 command.ctypes.data,
@@ -137,7 +181,7 @@ class LaneModel(NamedModel):
             played = until - begin if status == COMPLETED else int(status)
             for lane, run in enumerate(live):
                 outputs[run][:, begin : begin + played] = output[:, :played, lane]
-                states[run] = state[:, lane].copy()
+                states[run] = state[:count, lane][self._places]
             begin += played
             for run in live:
                 outside = self._states_outside(states[run], limits[run])
@@ -152,16 +196,18 @@ class LaneModel(NamedModel):
 class _Lanes:
     """Parallel runs; lanes without a run repeat the first one, so that they add no other motion."""
 
-    def __init__(self, values: np.ndarray, variants: Sequence[int], *, width: int) -> None:
-        self._of_lane = [*range(len(variants)), *[0] * (width - len(variants))]
-        self.table = _aligned((len(values), width))
-        self.table[:] = values[:, [variants[place] for place in self._of_lane]]
+    def __init__(self, constants: np.ndarray, variants: Sequence[int], *, rigs: int) -> None:
+        self._of_lane = [*range(len(variants)), *[0] * (rigs - len(variants))]
+        self.table = _aligned((len(constants), rigs))
+        self.table[:] = constants[:, [variants[place] for place in self._of_lane]]
 
-    def spread(self, arrays: Sequence[np.ndarray]) -> np.ndarray:
-        """Return one array of each run with the lanes as its last axis."""
-        spread = _aligned((*arrays[0].shape, len(self._of_lane)))
+    def spread(self, arrays: Sequence[np.ndarray], *, room: int | None = None) -> np.ndarray:
+        """Return one array of each run with the lanes as its last axis; with `room` for more places, which are 0."""
+        length, *rest = arrays[0].shape
+        spread = _aligned((length if room is None else room, *rest, len(self._of_lane)))
+        spread[length:] = 0.0
         for lane, place in enumerate(self._of_lane):
-            spread[..., lane] = arrays[place]
+            spread[:length, ..., lane] = arrays[place]
         return spread
 
 

@@ -1,7 +1,8 @@
 """Lanes of a mirrored model: expressions computed in pairs as one vector, and others.
 
-A vector holds one expression of either side and is correct for any pair: the same operation on vectors of the
-operands, or two numbers side by side if operations differ. Signs, which a mirror changes, are kept separate from the
+A lane is a number of one rig, or of each of several rigs of one structure side by side. A vector holds one expression
+of either side and is correct for any pair: the same operation on vectors of the operands, or two numbers side by side
+if operations differ. Signs, which a mirror changes, are kept separate from the
 vectors and only cost something if two of them with different signs meet in a sum. Expressions of both sides are
 computed once; references across the sides use the other lane. So a pair of independent sides halves the work, and a
 rack or a body between them costs little.
@@ -10,12 +11,24 @@ rack or a body between them costs little.
 from __future__ import annotations
 
 import heapq
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
-from rig_sim.compile.constants import ConstantTable, load_text
-from rig_sim.compile.llvm_text import PAIR, SCALAR, declarations, literal, operation_lines
+from rig_sim.compile.constants import Constants, Term
+from rig_sim.compile.llvm_text import (
+    INFIX,
+    SCALAR,
+    Kind,
+    fused_lines,
+    half_line,
+    joined_lines,
+    literal,
+    operation_lines,
+    swapped_line,
+    vector_kind,
+)
 from rig_sim.compile.operations import COMMUTATIVE, LEAVES, Operation
 from rig_sim.compile.symmetry import Mirror, find_mirrors
 from rig_sim.compile.tracing import Expression, TracedModel, creation_order
@@ -23,6 +36,7 @@ from rig_sim.compile.tracing import Expression, TracedModel, creation_order
 Key = tuple[int, int]
 Signs = tuple[float, float]
 PLUS: Signs = (1.0, 1.0)
+_MINUS: Signs = (-1.0, -1.0)
 SUMS = frozenset({Operation.ADD, Operation.SUBTRACT})
 #: Operations whose result has the product of the operands' signs.
 PRODUCTS = frozenset({Operation.MULTIPLY, Operation.DIVIDE})
@@ -102,6 +116,13 @@ class LanePlan:
         if done < len(needs):
             raise ValueError(f"{len(needs) - done} vectors of the lanes need each other; compute the model unpaired.")
 
+    def is_possible(self) -> bool:
+        """Return whether no two vectors need each other: else the mirror is not usable."""
+        try:
+            return all(True for _ in self.order())
+        except ValueError:
+            return False
+
     def _vector_needs(self, vector: Vector) -> list[Key | int]:
         if vector.form is Form.OPERATION or vector.form is Form.SWAP:
             return [key for key in vector.operands if self.vectors[key].form is not Form.CONSTANTS]
@@ -110,8 +131,11 @@ class LanePlan:
         return []
 
     def _scalar_needs(self, operands: Sequence[Expression]) -> list[Key | int]:
-        computed = [operand.index for operand in operands if operand.operation not in LEAVES]
-        return [self.lane_of[index][0] if index in self.lane_of else index for index in computed]
+        return [self.made_as(operand) for operand in operands if operand.operation not in LEAVES]
+
+    def made_as(self, expression: Expression) -> Key | int:
+        """Return the vector of which an expression is a lane, or its own index."""
+        return self.lane_of[expression.index][0] if expression.index in self.lane_of else expression.index
 
 
 def _rank(item: Key | int) -> tuple[int, int, Key | int]:
@@ -172,7 +196,7 @@ def _vector(
 ) -> tuple[Vector, _Matches]:
     """Return the vector of two expressions, and the matching operands of an operation."""
     both = (a, b)
-    if a.value is not None and b.value is not None:
+    if mirror.is_constant(a) and mirror.is_constant(b):
         return Vector(Form.CONSTANTS, both), []
     if a is b:
         return Vector(Form.SPLAT, both), []
@@ -248,9 +272,6 @@ def _plan_scalars(plan: LanePlan, singles: Sequence[Expression]) -> None:
         pending.extend(expression.operands)
 
 
-_VECTOR = PAIR.numbers
-
-
 @dataclass(frozen=True)
 class LaneFunction:
     """A planned function of arrays, ``void name(const double *argument…, double *result…)``.
@@ -264,10 +285,29 @@ class LaneFunction:
     pairs: tuple[tuple[tuple[int, Expression, Expression], ...], ...]
     singles: tuple[tuple[tuple[int, Expression], ...], ...]
 
+    def uses(self) -> Counter[Key | int]:
+        """Count the users of each vector and each single number."""
+        plan = self.plan
+        uses: Counter[Key | int] = Counter()
+        for vector in plan.vectors.values():
+            uses.update(vector.operands)
+            if vector.form is Form.SPLAT or vector.form is Form.GATHER:
+                uses.update(plan.made_as(expression) for expression in vector.expressions)
+        for scalar in plan.scalars.values():
+            uses.update(plan.made_as(operand) for operand in scalar.operands)
+        for pairs, singles in zip(self.pairs, self.singles, strict=True):
+            uses.update((stripped(a)[0].index, stripped(b)[0].index) for _, a, b in pairs)
+            uses.update(plan.made_as(expression) for _, expression in singles)
+        return uses
 
-def lane_function_text(function: LaneFunction, *, contract: bool, table: ConstantTable) -> str:
-    """Write one function."""
-    writer = _Writer(function, " contract" if contract else "", table)
+
+def lane_function_text(function: LaneFunction, *, contract: bool, table: Constants, rigs: int) -> str:
+    """Write one function.
+
+    For several rigs the products that are used only in one sum are fused with it here, and not by the compiler: the
+    roundings must not depend on a vector's width.
+    """
+    writer = _Writer(function, table, contract=contract, rigs=rigs)
     for item in function.plan.order():
         if isinstance(item, tuple):
             writer.vector(item)
@@ -275,73 +315,91 @@ def lane_function_text(function: LaneFunction, *, contract: bool, table: Constan
             writer.scalar(item)
     for array, (pairs, singles) in enumerate(zip(function.pairs, function.singles, strict=True)):
         for position, a, b in pairs:
-            writer.store(array, position, writer.signed_pair(a, b), _VECTOR)
+            writer.store(array, position, writer.signed_pair(a, b), writer.two)
         for position, expression in singles:
-            writer.store(array, position, writer.number(expression), SCALAR)
+            writer.store(array, position, writer.number(expression), writer.one)
     parameters = [f"ptr noalias readonly %argument{array}" for array in range(2)]
+    parameters += table.parameters
     parameters += [f"ptr noalias %result{array}" for array in range(len(function.pairs))]
-    head = f"define void @{function.name}({', '.join(parameters)}) noinline nounwind {{"
+    head = f"define void @{function.name}({', '.join(parameters)}) noinline nounwind{writer.two.attributes} {{"
     return "\n".join([head, *writer.lines, "ret void", "}"])
 
 
 class _Writer:
-    """Writer of the lines of one function."""
+    """Writer of the lines of one function; `one` is the kind of a lane, `two` that of a vector of both sides."""
 
-    def __init__(self, function: LaneFunction, flags: str, table: ConstantTable) -> None:
+    def __init__(self, function: LaneFunction, table: Constants, *, contract: bool, rigs: int) -> None:
+        self.one = vector_kind(rigs)
+        self.two = vector_kind(2 * rigs)
+        self.lines: list[str] = []
         self._table = table
         self._plan = function.plan
         self._places = function.places
-        self._flags = flags
+        self._flags = " contract" if contract and rigs == 1 else ""
         self._made: dict[object, str] = {}
-        self.lines: list[str] = []
+        #: Operand of a sum that is a product and fused with it.
+        self._fused: dict[Key | int, int] = _fused_products(function) if contract and rigs > 1 else {}
+        self._within_sums = {self._operands(item)[place] for item, place in self._fused.items()}
 
-    def store(self, array: int, position: int, value: str, kind: str) -> None:
-        self.lines.append(f"%r{array}.{position} = getelementptr {SCALAR}, ptr %result{array}, i64 {position}")
-        self.lines.append(f"store {kind} {value}, ptr %r{array}.{position}, align 8")
+    def _operands(self, item: Key | int) -> Sequence[Key | int]:
+        if isinstance(item, tuple):
+            return self._plan.vectors[item].operands
+        return [operand.index for operand in self._plan.scalars[item].operands]
+
+    def store(self, array: int, position: int, value: str, kind: Kind) -> None:
+        pointer = f"%r{array}.{position}"
+        self.lines.append(f"{pointer} = getelementptr {self.one.numbers}, ptr %result{array}, i64 {position}")
+        self.lines.append(f"store {kind.numbers} {value}, ptr {pointer}, align 8")
 
     def number(self, expression: Expression) -> str:
         """Return a single number: a constant, an input, a computed number, or a lane of a vector."""
-        if expression.value is not None:
-            return self._constants([expression.value])
+        if self._table.holds(expression):
+            return self._constants([(expression, 1.0)])
         index = expression.index
         if expression.operation is Operation.INPUT:
-            return self._once(index, lambda name: self._load(expression, name, SCALAR))
+            return self._once(index, lambda name: self._load(expression, name, self.one))
         if index not in self._plan.lane_of:
             return self._made[index]
         key, lane = self._plan.lane_of[index]
-        taken = self._once(
-            ("lane", index), lambda name: [f"{name} = extractelement {_VECTOR} {self._made[key]}, i32 {lane}"]
-        )
-        if self._plan.signs[key][lane] > 0.0:
-            return taken
-        return self._once(("minus", index), lambda name: [f"{name} = fneg {SCALAR} {taken}"])
+        taken = self._once(("lane", index), lambda name: [half_line(name, self._made[key], lane, self.two)])
+        return taken if self._plan.signs[key][lane] > 0.0 else self._negative(taken, self.one)
 
     def scalar(self, index: int) -> None:
+        if index in self._within_sums:
+            return
         expression = self._plan.scalars[index]
+        if index in self._fused:
+            self._fused_scalar(expression, self._fused[index])
+            return
         operands = [self.number(operand) for operand in expression.operands]
-        self._once(index, lambda name: operation_lines(expression.operation, operands, self._flags, name=name))
+        self._once(
+            index,
+            lambda name: operation_lines(expression.operation, operands, self._flags, name=name, kind=self.one),
+        )
+
+    def _fused_scalar(self, expression: Expression, place: int) -> None:
+        product, other = expression.operands[place], expression.operands[1 - place]
+        first, second, addend = (self.number(operand) for operand in (*product.operands, other))
+        if expression.operation is Operation.SUBTRACT:
+            if place == 0:
+                addend = self._negative(addend, self.one)
+            else:
+                first = self._negative(first, self.one)
+        self._once(expression.index, lambda name: fused_lines([first, second], addend, name=name, kind=self.one))
 
     def vector(self, key: Key) -> None:
         vector = self._plan.vectors[key]
-        if vector.form is Form.CONSTANTS:
+        if vector.form is Form.CONSTANTS or key in self._within_sums:
             return
         if vector.form is Form.LOAD:
-            self._once(key, lambda name: self._load(vector.expressions[0], name, _VECTOR))
+            self._once(key, lambda name: self._load(vector.expressions[0], name, self.two))
         elif vector.form is Form.SWAP:
-            other = self._made[vector.operands[0]]
-            swapped = f"shufflevector {_VECTOR} {other}, {_VECTOR} poison, <2 x i32> <i32 1, i32 0>"
-            self._once(key, lambda name: [f"{name} = {swapped}"])
+            self._once(key, lambda name: [swapped_line(name, self._made[vector.operands[0]], self.two)])
         elif vector.form is Form.OPERATION:
             self._operation(key, vector)
         else:
             first, second = (self.number(expression) for expression in vector.expressions)
-            self._once(
-                key,
-                lambda name: [
-                    f"{name}.0 = insertelement {_VECTOR} poison, {SCALAR} {first}, i32 0",
-                    f"{name} = insertelement {_VECTOR} {name}.0, {SCALAR} {second}, i32 1",
-                ],
-            )
+            self._once(key, lambda name: joined_lines(name, (first, second), self.two))
 
     def signed_pair(self, a: Expression, b: Expression) -> str:
         """Return two expressions with their signs."""
@@ -358,23 +416,39 @@ class _Writer:
             self._bare(operand) if bare else self._signed(operand, factor)
             for operand, factor in zip(vector.operands, vector.factors, strict=True)
         ]
-        self._once(key, lambda name: operation_lines(operation, operands, self._flags, name=name, kind=PAIR))
+        self._once(key, lambda name: operation_lines(operation, operands, self._flags, name=name, kind=self.two))
 
     def _sum(self, key: Key, vector: Vector) -> None:
         (a, b), (first, second) = vector.operands, vector.factors
         relative = times(times(self._plan.signs[a], first), times(self._plan.signs[b], second))
-        x = self._bare(a)
-        if relative in {PLUS, (-1.0, -1.0)}:
-            word, y = ("fadd" if relative == PLUS else "fsub"), self._bare(b)
+        if key in self._fused:
+            self._fused_sum(key, (a, b), relative)
+            return
+        x, y = self._bare(a), self._bare(b)
+        if relative in {PLUS, _MINUS}:
+            word = INFIX[Operation.ADD if relative == PLUS else Operation.SUBTRACT]
+            self._once(key, lambda name: [f"{name} = {word}{self._flags} {self.two.numbers} {x}, {y}"])
         else:
-            word, y = "fadd", self._turned(b, relative)
-        self._once(key, lambda name: [f"{name} = {word}{self._flags} {_VECTOR} {x}, {y}"])
+            # The product is exact, so it does not matter whether it is fused.
+            factors = [y, self._literals(relative)]
+            self._once(key, lambda name: fused_lines(factors, x, name=name, kind=self.two))
+
+    def _fused_sum(self, key: Key, operands: tuple[Key, Key], relative: Signs) -> None:
+        """Write ``a + relative * b``, of which one is a product."""
+        place = self._fused[key]
+        factors = self._plan.vectors[operands[place]].operands
+        # Signs of a constant cost nothing.
+        factors = sorted(factors, key=lambda factor: self._plan.vectors[factor].form is not Form.CONSTANTS)
+        signs = (relative, PLUS) if place == 0 else (PLUS, relative)
+        addend = self._turned(operands[1 - place], signs[0])
+        texts = [self._turned(factors[0], signs[1]), self._bare(factors[1])]
+        self._once(key, lambda name: fused_lines(texts, addend, name=name, kind=self.two))
 
     def _bare(self, key: Key) -> str:
         """Return a vector without the signs that its users must apply."""
         vector = self._plan.vectors[key]
         if vector.form is Form.CONSTANTS:
-            return self._constants([float(expression) for expression in vector.expressions])
+            return self._constants([(expression, 1.0) for expression in vector.expressions])
         return self._made[key]
 
     def _signed(self, key: Key, factor: Signs) -> str:
@@ -386,33 +460,40 @@ class _Writer:
             return self._bare(key)
         vector = self._plan.vectors[key]
         if vector.form is Form.CONSTANTS:
-            return self._constants(
-                [sign * float(number) for sign, number in zip(signs, vector.expressions, strict=True)]
-            )
+            return self._constants(list(zip(vector.expressions, signs, strict=True)))
         bare = self._bare(key)
-        if signs == (-1.0, -1.0):
-            return self._once(("turned", key, signs), lambda name: [f"{name} = fneg {_VECTOR} {bare}"])
-        # The product is exact, and becomes one operation with its sum.
-        factors = self._constants(signs)
+        if signs == _MINUS:
+            return self._negative(bare, self.two)
+        factors = self._literals(signs)
         return self._once(
-            ("turned", key, signs), lambda name: [f"{name} = fmul{self._flags} {_VECTOR} {bare}, {factors}"]
+            ("turned", key, signs), lambda name: [f"{name} = fmul{self._flags} {self.two.numbers} {bare}, {factors}"]
         )
 
-    def _constants(self, values: Sequence[float]) -> str:
-        """Return one constant, or two as a vector: read from the table, or written into the code."""
-        place = self._table.place(values)
-        if place is not None:
-            kind = SCALAR if len(values) == 1 else _VECTOR
-            return self._once(("constants", place), lambda name: [load_text(name, kind, place)])
-        if len(values) == 1:
-            return literal(values[0])
-        return f"<{', '.join(f'{SCALAR} {literal(value)}' for value in values)}>"
+    def _negative(self, value: str, kind: Kind) -> str:
+        return self._once(("minus", value), lambda name: [f"{name} = fneg {kind.numbers} {value}"])
 
-    def _load(self, leaf: Expression, name: str, kind: str) -> list[str]:
+    def _constants(self, terms: Sequence[Term]) -> str:
+        """Return one constant, or two as a vector: read from the table, or written into the code."""
+        place = self._table.place(terms)
+        if place is None:
+            return self._literals([sign * float(expression) for expression, sign in terms])
+        kind = self.one if len(terms) == 1 else self.two
+        return self._once(
+            ("constants", place, len(terms)), lambda name: self._table.load_lines(name, kind.numbers, place)
+        )
+
+    def _literals(self, values: Sequence[float]) -> str:
+        """Return one number, or two as a vector, that are the same in all rigs."""
+        if len(values) == 1:
+            return self.one.constant(literal(values[0]))
+        numbers = [f"{SCALAR} {literal(value)}" for value in values for _ in range(self.one.lanes)]
+        return f"<{', '.join(numbers)}>"
+
+    def _load(self, leaf: Expression, name: str, kind: Kind) -> list[str]:
         array, position = self._places[leaf.index]
         return [
-            f"{name}.p = getelementptr {SCALAR}, ptr %argument{array}, i64 {position}",
-            f"{name} = load {kind}, ptr {name}.p, align 8",
+            f"{name}.p = getelementptr {self.one.numbers}, ptr %argument{array}, i64 {position}",
+            f"{name} = load {kind.numbers}, ptr {name}.p, align 8",
         ]
 
     def _once(self, what: object, lines: Callable[[str], list[str]]) -> str:
@@ -423,15 +504,53 @@ class _Writer:
         return self._made[what]
 
 
+def _fused_products(function: LaneFunction) -> dict[Key | int, int]:
+    """Return the sums with a product that nothing else uses, and the product's place among the operands."""
+    plan, uses = function.plan, function.uses()
+    made: dict[Key | int, tuple[Operation, Sequence[Key | int]]] = {
+        key: (vector.expressions[0].operation, vector.operands)
+        for key, vector in plan.vectors.items()
+        if vector.form is Form.OPERATION
+    }
+    made |= {
+        index: (scalar.operation, [operand.index for operand in scalar.operands])
+        for index, scalar in plan.scalars.items()
+    }
+    found: dict[Key | int, int] = {}
+    for item, (operation, operands) in made.items():
+        if operation in SUMS:
+            # Of two products the one made last, because the other is available earlier.
+            for place in sorted((0, 1), key=lambda place: _rank(operands[place]), reverse=True):
+                product = operands[place]
+                if product in made and made[product][0] is Operation.MULTIPLY and uses[product] == 1:
+                    found[item] = place
+                    break
+    return found
+
+
 Pair = tuple[int, int]
 
 
-def lane_texts(traced: TracedModel, *, contract: bool, table: ConstantTable) -> tuple[str, tuple[int, ...]] | None:
-    """Return the model in two lanes, and the state at each place of the arrays: pairs first, side by side.
+@dataclass(frozen=True)
+class MirroredModel:
+    """A model planned in two lanes; `order` is the state at each place of the arrays: pairs first, side by side."""
 
-    None if no mirror is found that saves operations.
+    functions: tuple[LaneFunction, LaneFunction]
+    order: tuple[int, ...]
+
+    def text(self, *, contract: bool, table: Constants, rigs: int = 1) -> str:
+        """Write the functions `derivative` and `observe`, for a number of rigs at a time."""
+        return "\n".join(
+            lane_function_text(function, contract=contract, table=table, rigs=rigs) for function in self.functions
+        )
+
+
+def mirrored_model(traced: TracedModel, constants: Sequence[Expression] = ()) -> MirroredModel | None:
+    """Return the model in two lanes; None if no mirror is found that saves operations.
+
+    `constants` are the leaves of united variants that are constants.
     """
-    for mirror in find_mirrors(traced):
+    for mirror in find_mirrors(traced, constants):
         pairs = _state_pairs(traced, mirror)
         order = tuple(place for pair in pairs for place in pair)
         order += tuple(place for place in range(len(traced.state)) if place not in set(order))
@@ -439,13 +558,8 @@ def lane_texts(traced: TracedModel, *, contract: bool, table: ConstantTable) -> 
         if not is_worthwhile(derivative.plan, traced.derivative):
             continue
         observe = _function("observe", traced, mirror, pairs=pairs, order=order)
-        try:
-            functions = [
-                lane_function_text(function, contract=contract, table=table) for function in (derivative, observe)
-            ]
-        except ValueError:
-            continue  # vectors that need each other: no usable mirror
-        return "\n".join([declarations(PAIR), *functions]), order
+        if all(function.plan.is_possible() for function in (derivative, observe)):
+            return MirroredModel((derivative, observe), order)
     return None
 
 

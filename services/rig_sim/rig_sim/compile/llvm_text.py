@@ -7,7 +7,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rig_sim.compile.constants import ConstantTable, load_text
+from rig_sim.compile.constants import Constants
 from rig_sim.compile.operations import LEAVES, Operation
 from rig_sim.compile.tracing import Expression, creation_order
 
@@ -59,7 +59,9 @@ class Kind:
 
 
 def vector_kind(lanes: int) -> Kind:
-    """Return the kind of a vector of doubles."""
+    """Return the kind of a vector of doubles; a vector of one is a double."""
+    if lanes == 1:
+        return DOUBLE
     return Kind(f"<{lanes} x {SCALAR}>", f"<{lanes} x i64>", f"<{lanes} x i1>", f"v{lanes}f64", lanes)
 
 
@@ -67,12 +69,51 @@ DOUBLE = Kind(SCALAR, "i64", "i1", "f64", 1)
 PAIR = vector_kind(2)
 
 
-def declarations(kind: Kind = DOUBLE) -> str:
-    """Return the declarations of all intrinsics that :func:`operation_lines` may call."""
-    return "\n".join(
-        f"declare {kind.numbers} @llvm.{name}.{kind.suffix}({', '.join([kind.numbers] * _OPERANDS.get(operation, 1))})"
-        for operation, name in INTRINSICS.items()
-    )
+def declarations(*kinds: Kind) -> str:
+    """Return the declarations of all intrinsics that are called for these kinds."""
+    lines = []
+    for kind in dict.fromkeys(kinds):
+        for operation, name in INTRINSICS.items():
+            arguments = ", ".join([kind.numbers] * _OPERANDS.get(operation, 1))
+            lines.append(f"declare {kind.numbers} @llvm.{name}.{kind.suffix}({arguments})")
+        if kind.lanes > 1:
+            lines.append(f"declare i1 @llvm.vector.reduce.and.v{kind.lanes}i1({kind.truth})")
+    return "\n".join(lines)
+
+
+def fused_lines(factors: Sequence[str], addend: str, *, name: str, kind: Kind) -> list[str]:
+    """Write the sum of a product and an addend, rounded once."""
+    return operation_lines(Operation.FUSED, [*factors, addend], "", name=name, kind=kind)
+
+
+def swapped_line(name: str, pair: str, kind: Kind) -> str:
+    """Write the exchange of the two halves of a vector."""
+    half = kind.lanes // 2
+    return _shuffled(name, (pair, "poison"), kind, [*range(half, kind.lanes), *range(half)])
+
+
+def half_line(name: str, pair: str, side: int, kind: Kind) -> str:
+    """Write the first or the second half of a vector."""
+    half = kind.lanes // 2
+    if half == 1:
+        return f"{name} = extractelement {kind.numbers} {pair}, i32 {side}"
+    return _shuffled(name, (pair, "poison"), kind, range(side * half, (side + 1) * half))
+
+
+def joined_lines(name: str, halves: tuple[str, str], kind: Kind) -> list[str]:
+    """Write two halves as one vector of a kind."""
+    if kind.lanes == 2:
+        return [
+            f"{name}.0 = insertelement {kind.numbers} poison, {SCALAR} {halves[0]}, i32 0",
+            f"{name} = insertelement {kind.numbers} {name}.0, {SCALAR} {halves[1]}, i32 1",
+        ]
+    return [_shuffled(name, halves, vector_kind(kind.lanes // 2), range(kind.lanes))]
+
+
+def _shuffled(name: str, vectors: tuple[str, str], kind: Kind, places: Sequence[int]) -> str:
+    operands = ", ".join(f"{kind.numbers} {vector}" for vector in vectors)
+    mask = ", ".join(f"i32 {place}" for place in places)
+    return f"{name} = shufflevector {operands}, <{len(places)} x i32> <{mask}>"
 
 
 def function_text(
@@ -82,12 +123,11 @@ def function_text(
     *,
     contract: bool,
     kind: Kind = DOUBLE,
-    table: ConstantTable | None = None,
+    table: Constants,
 ) -> str:
     """Write a function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``.
 
-    For another kind than doubles every place of an array holds a vector of it. Single constants are read from a
-    table if one is given.
+    For another kind than doubles every place of an array holds a vector of it. Constants are read from a table.
     """
     flags, numbers = " contract" if contract else "", kind.numbers
     places = {
@@ -105,8 +145,8 @@ def function_text(
     read: set[int] = set()
 
     def operand(expression: Expression) -> str:
-        if expression.value is not None:
-            return _constant(expression.value, kind, table, read=read, lines=lines)
+        if table.holds(expression):
+            return _constant(expression, kind, table, read=read, lines=lines)
         if expression.operation is Operation.INPUT and expression.index not in loaded:
             if expression.index not in places:
                 raise ValueError(f"The input {expression.name!r} is in no argument of {name}; add it to one.")
@@ -140,20 +180,21 @@ def function_text(
         if result.index in stores:
             store(result)
     parameters = [f"ptr noalias readonly %argument{array}" for array in range(len(arguments))]
+    parameters += table.parameters
     parameters += [f"ptr noalias %result{array}" for array in range(len(results))]
     # noinline: the loop that calls it four times must not hold four copies of it
     head = f"define void @{name}({', '.join(parameters)}) noinline nounwind{kind.attributes} {{"
     return "\n".join([head, *lines, "ret void", "}"])
 
 
-def _constant(value: float, kind: Kind, table: ConstantTable | None, *, read: set[int], lines: list[str]) -> str:
+def _constant(expression: Expression, kind: Kind, table: Constants, *, read: set[int], lines: list[str]) -> str:
     """Return a constant as a literal, or as read from the table once in a function."""
-    place = None if table is None else table.place((value,))
+    place = table.place([(expression, 1.0)])
     if place is None:
-        return kind.constant(literal(value))
+        return kind.constant(literal(float(expression)))
     if place not in read:
         read.add(place)
-        lines.append(load_text(f"%c{place}", kind.numbers, place))
+        lines.extend(table.load_lines(f"%c{place}", kind.numbers, place))
     return f"%c{place}"
 
 

@@ -9,9 +9,9 @@ from rig_sim.compile.code_cache import shared_model
 from rig_sim.compile.compiled_model import CompiledModel, compile_module
 from rig_sim.compile.constants import ConstantTable
 from rig_sim.compile.expansion import expanded
-from rig_sim.compile.integrate import play_text
-from rig_sim.compile.lanes import lane_texts
-from rig_sim.compile.llvm_text import declarations, function_text
+from rig_sim.compile.integrate import SINGLE_WIDTH, play_text
+from rig_sim.compile.lanes import mirrored_model
+from rig_sim.compile.llvm_text import DOUBLE, PAIR, declarations, function_text, vector_kind
 from rig_sim.compile.operations import LEAVES
 from rig_sim.compile.tracing import Expression, Graph, Scalar, TracedModel, creation_order
 
@@ -75,17 +75,20 @@ def compile_model(
 
     def compiled() -> CompiledModel:
         written = expanded(traced)
-        paired = lane_texts(written, contract=contract, table=table) if lanes else None
-        functions, order = paired or (_scalar_text(written, contract=contract, table=table), None)
+        mirrored = mirrored_model(written) if lanes else None
+        if mirrored is not None:
+            functions = mirrored.text(contract=contract, table=table)
+        else:
+            functions = _scalar_text(written, contract=contract, table=table)
         loop = play_text(states=len(traced.state), inputs=len(traced.inputs), outputs=len(traced.outputs))
-        text = "\n".join([declarations(), table.text(), functions, loop])
+        text = "\n".join([declarations(DOUBLE, PAIR, vector_kind(SINGLE_WIDTH)), table.text(), functions, loop])
         return CompiledModel(
             compile_module(text, optimization=optimization),
             state_names=tuple(state_names),
             input_names=tuple(input_names),
             output_names=names,
             operation_count=sum(node.operation not in LEAVES for node in creation_order(written.derivative)),
-            state_order=order,
+            state_order=None if mirrored is None else mirrored.order,
         )
 
     if not shared:

@@ -28,19 +28,29 @@ class Mirror:
     """Pairs of leaves, the first of each in lane 0, and colours that are equal for expressions of one vector.
 
     `pairs`: States and inputs; a leaf in no pair is part of both sides, as a rack or a body. `first`, `second`:
-    Colours of all expressions by their index, from the view of lane 0 and of lane 1.
+    Colours of all expressions by their index, from the view of lane 0 and of lane 1. `constants`: Indices of the leaves
+    that are constants of united variants.
     """
 
     pairs: tuple[tuple[Expression, Expression], ...]
     first: Colours
     second: Colours
+    constants: frozenset[int] = frozenset()
+
+    def is_constant(self, expression: Expression) -> bool:
+        """Return whether an expression is a constant."""
+        return expression.value is not None or expression.index in self.constants
 
 
-def find_mirrors(traced: TracedModel) -> Iterator[Mirror]:
-    """Propose mirrors, the most likely first: constants of equal magnitude, then any constants."""
+def find_mirrors(traced: TracedModel, constants: Sequence[Expression] = ()) -> Iterator[Mirror]:
+    """Propose mirrors, the most likely first: constants of equal magnitude, then any constants.
+
+    `constants` are the leaves of united variants that are constants: what is proposed then depends on no value, so that
+    variants with other values are computed alike.
+    """
     nodes = creation_order((*traced.derivative, *traced.outputs))
-    for magnitude in (True, False):
-        model = _Structure(traced, nodes, magnitude=magnitude)
+    for magnitude in (False,) if constants else (True, False):
+        model = _Structure(traced, nodes, constants, magnitude=magnitude)
         pairs = _pairing(model, model.refined({leaf.index: 0 for leaf in model.leaves}))
         if pairs:
             yield model.mirror(pairs)
@@ -49,7 +59,9 @@ def find_mirrors(traced: TracedModel) -> Iterator[Mirror]:
 class _Structure:
     """A traced model as a graph with coloured leaves."""
 
-    def __init__(self, traced: TracedModel, nodes: Sequence[Expression], *, magnitude: bool) -> None:
+    def __init__(
+        self, traced: TracedModel, nodes: Sequence[Expression], constants: Sequence[Expression], *, magnitude: bool
+    ) -> None:
         self.leaves = (*traced.state, *traced.inputs)
         self._nodes = nodes
         self._states = {state.index: rate for state, rate in zip(traced.state, traced.derivative, strict=True)}
@@ -58,6 +70,8 @@ class _Structure:
             for node in nodes
             if node.value is not None
         }
+        self._constants = frozenset(leaf.index for leaf in constants)
+        self._kinds |= dict.fromkeys(self._constants, ("constant", ""))
         leaves = {leaf.index for leaf in self.leaves}
         self._users = _users(nodes, leaves)
         # Data that is the same in every colouring.
@@ -118,7 +132,7 @@ class _Structure:
             first[left] = second[right] = 3 * left + 1
             first[right] = second[left] = 3 * left + 2
         table: dict[object, int] = {}  # one for both, so that their colours compare
-        return Mirror(tuple(turned), self.colour(first, table), self.colour(second, table))
+        return Mirror(tuple(turned), self.colour(first, table), self.colour(second, table), self._constants)
 
     def _sides(self, pairs: Sequence[tuple[int, int]]) -> dict[int, bool]:
         """Join leaves that meet in the smallest expressions, but never a leaf with its partner."""

@@ -21,7 +21,6 @@ from rig_sim.compile import (
     LaneModel,
     TracedModel,
     fingerprint,
-    lane_width,
     trace_model,
     unite,
     widest_lanes,
@@ -122,13 +121,13 @@ class _Seat:
 def _play_in_lanes(playbacks: Sequence[Playback]) -> list[RigFaultError | None]:
     rigs = {playback.rig.model: playback.rig for playback in playbacks}
     variants = list(rigs)
-    lanes = _lane_model(tuple(variants), lane_width(len(playbacks)))
+    lanes = _lane_model(tuple(variants), len(playbacks))
     check_lanes(lanes, [(rig.model, rig.compiled) for rig in rigs.values()])
     ends: list[RigFaultError | None] = [None] * len(playbacks)
     waiting = deque(enumerate(playbacks))
     seats: list[_Seat] = []
     while waiting or seats:
-        while waiting and len(seats) < lanes.width:
+        while waiting and len(seats) < lanes.rigs:
             place, playback = waiting.popleft()
             blocks = chain(playback.approach(), playback.blocks())
             seats.append(_Seat(place, playback, variants.index(playback.rig.model), blocks, playback.block_samples))
@@ -156,11 +155,11 @@ def _play_in_lanes(playbacks: Sequence[Playback]) -> list[RigFaultError | None]:
 
 
 @lru_cache(maxsize=4)
-def _lane_model(models: tuple[RigModel, ...], width: int) -> LaneModel:
+def _lane_model(models: tuple[RigModel, ...], runs: int) -> LaneModel:
     traced = [_trace(model) for model in models]
     return LaneModel(
         unite([each.model for each in traced], [each.fingerprint for each in traced]),
-        width=width,
+        runs=runs,
         state_names=models[0].state_names,
         input_names=models[0].input_names,
         output_names=models[0].output_names,

@@ -16,7 +16,6 @@ from rig_sim.compile import (
     compile_model,
     cos,
     fingerprint,
-    lane_width,
     maximum,
     select_positive,
     sin,
@@ -26,7 +25,8 @@ from rig_sim.compile import (
     widest_lanes,
 )
 from rig_sim.compile import lane_model as lane_model_module
-from rig_sim.compile.lane_model import lanes_text
+from rig_sim.compile.constants import LaneTable
+from rig_sim.compile.lane_model import PlannedVariants
 from rig_sim.compile.operations import Operation
 from rig_sim.compile.tracing import creation_order
 from rig_sim.compile.variants import fused
@@ -75,7 +75,7 @@ def pendulums():
     functions = [pendulum(*parameters) for parameters in PARAMETERS]
     variants = united(*functions)
     single = [compile_model(function, **NAMES) for function in functions]
-    return single, {width: LaneModel(variants, width=width, **NAMES) for width in WIDTHS}
+    return single, {width: LaneModel(variants, runs=width, widest=width, **NAMES) for width in WIDTHS}
 
 
 def run(seed, *, samples=500, size=1.0):
@@ -227,7 +227,7 @@ def test_all_batches_of_a_structure_are_one_entry_among_the_kept_code(tmp_path, 
     lane_model_module._module.cache_clear()
     for first in (0, 2):
         functions = [pendulum(*(factor * (first + 1.1) for factor in (1.0, 1.3, 1.7, 0.4, 0.2 + k))) for k in range(3)]
-        LaneModel(united(*functions), width=4, **NAMES)
+        LaneModel(united(*functions), runs=4, widest=4, **NAMES)
         lane_model_module._module.cache_clear()
     assert len(list((tmp_path / "code").iterdir())) == 1
 
@@ -251,16 +251,14 @@ def test_the_processor_says_how_wide_a_vector_is(monkeypatch, features, width):
     monkeypatch.setattr(lane_model_module.llvm, "get_host_cpu_features", lambda: features)
     widest_lanes.cache_clear()
     assert widest_lanes() == width
-    assert lane_width(100) == width
-    assert lane_width(3) == min(width, 4)
     monkeypatch.undo()
     widest_lanes.cache_clear()
 
 
 @pytest.mark.parametrize(("width", "register"), [(4, "ymm"), (8, "zmm")])
 def test_a_vector_is_one_register_where_the_processor_has_it(width, register):
-    variants = united(pendulum(*PARAMETERS[0]))
-    module = llvm.parse_assembly(lanes_text(variants.traced, variants.constants, width=width))
+    planned = PlannedVariants.of(united(pendulum(*PARAMETERS[0])))
+    module = llvm.parse_assembly(planned.text(LaneTable(planned.constants, rigs=width), width=width))
     # This processor is tuned for 256 bits, as most that have 512 are.
     target = llvm.Target.from_triple("x86_64-unknown-linux-gnu").create_target_machine(cpu="skylake-avx512", opt=2)
     text = target.emit_assembly(module)
