@@ -74,6 +74,9 @@ class Method(Enum):
     #: Verner's method of order 6, 7 evaluations: with steps twice as long as the classical one's it is cheaper, has a
     #: larger stable range and is more exact, if no step crosses the drive's kinks at the samples.
     VERNER_6 = "verner_6"
+    #: Method of order 3 with 6 evaluations, tuned to rigs: stiff bushings and rods that a kink of friction excites decay
+    #: as they should. On the shipped rigs it is as exact as Verner's with 7, and no undamped motion grows.
+    TUNED_3 = "tuned_3"
 
     @property
     def tableau(self) -> Tableau:
@@ -124,6 +127,26 @@ _TABLEAUS = {
             ),
         ),
         weights=(_F(3, 40), 0, _F(875, 2244), _F(23, 72), _F(264, 1955), _F(125, 11592), _F(43, 616)),
+    ),
+    # Found by least squares on playbacks of the shipped rigs (decision 44). The weights have order 3 to twelve digits.
+    Method.TUNED_3: Tableau(
+        order=3,
+        nodes=(0, _F("0.204"), _F("0.472"), _F("0.816"), _F("0.733"), _F("0.913")),
+        stages=(
+            (_F("0.204"),),
+            (_F("-0.115"), _F("0.587")),
+            (0, 0, _F("0.816")),
+            (_F("0.271"), 0, _F("0.268"), _F("0.194")),
+            (0, _F("0.565"), 0, 0, _F("0.348")),
+        ),
+        weights=(
+            _F("0.077565578134"),
+            _F("0.261"),
+            _F("0.267"),
+            _F("0.120443293460"),
+            _F("0.153909042767"),
+            _F("0.120082085639"),
+        ),
     ),
 }
 
