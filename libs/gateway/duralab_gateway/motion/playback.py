@@ -208,8 +208,10 @@ class DrivePlayback(ABC):
             begin = samples + self._next
             return self._lead_in[:, begin : min(begin + self.block_samples, samples) + 1]
         samples = self._drive.shape[1]
-        end = min(self._next + self.block_samples, samples)
-        return np.column_stack([self._drive[:, self._next : end], self._drive[:, min(end, samples - 1)]])
+        end = self._next + self.block_samples
+        if end < samples:
+            return self._drive[:, self._next : end + 1]
+        return np.column_stack([self._drive[:, self._next :], self._drive[:, -1]])
 
     def ramp_down(self) -> Iterator[Block]:
         """Bring all drives from their present value to zero along a cosine and hold; block numbers continue."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -46,51 +46,66 @@ class UseMeter:
     ) -> None:
         self._drives = tuple(drives)
         # Rows of the player's inputs and outputs, one for each actuator, evaluated together.
-        self._driven = [drives.index(actuator.name) for actuator in actuators]
-        self._achieved = [outputs.index(actuator.achieved) for actuator in actuators]
-        self._valve = [outputs.index(f"{actuator.name}.valve_command") for actuator in actuators]
-        self._load_pressure = [outputs.index(f"{actuator.name}.load_pressure") for actuator in actuators]
-        self._supply_pressure = [outputs.index(f"{actuator.supply}.pressure") for actuator in actuators]
+        self._driven = _rows(drives.index(actuator.name) for actuator in actuators)
+        self._achieved = _rows(outputs.index(actuator.achieved) for actuator in actuators)
+        self._valve = _rows(outputs.index(f"{actuator.name}.valve_command") for actuator in actuators)
+        self._load_pressure = _rows(outputs.index(f"{actuator.name}.load_pressure") for actuator in actuators)
+        self._supply_pressure = _rows(outputs.index(f"{actuator.supply}.pressure") for actuator in actuators)
         self._largest_opening = np.array([[actuator.valve.largest_opening] for actuator in actuators])
-        self._saturated = np.zeros(len(drives))
-        self._following = np.zeros(len(drives))
-        self._load = np.zeros(len(drives))
-        self._supply = np.full(len(drives), np.inf)
+        self._count = len(actuators)
+        self._saturated = np.zeros(self._count)
+        self._following = np.zeros(self._count)
+        self._load = np.zeros(self._count)
+        self._supply = np.full(self._count, np.inf)
 
     def following_error(self, commands: np.ndarray, outputs: np.ndarray) -> np.ndarray:
         """Return command minus achieved value."""
         error = np.zeros(commands.shape)
-        if self._driven:
+        if self._count:
             error[self._driven] = commands[self._driven] - outputs[self._achieved]
         return error
 
     def count(self, following_error: np.ndarray, outputs: np.ndarray) -> None:
         """Add a block of the drive."""
-        driven = self._driven
-        if not driven:
+        if not self._count:
             return
         valve, load = np.abs(outputs[self._valve]), np.abs(outputs[self._load_pressure])
         at_its_end = (valve >= self._largest_opening) | (load >= FULL_LOAD_PRESSURE)
-        self._saturated[driven] += np.count_nonzero(at_its_end, axis=1)
-        largest_error = np.abs(following_error[driven]).max(axis=1)
-        self._following[driven] = np.maximum(self._following[driven], largest_error)
-        self._load[driven] = np.maximum(self._load[driven], load.max(axis=1))
-        lowest = outputs[self._supply_pressure].min(axis=1)
-        self._supply[driven] = np.minimum(self._supply[driven], lowest)
+        self._saturated += at_its_end.sum(axis=1)
+        np.maximum(self._following, np.abs(following_error[self._driven]).max(axis=1), out=self._following)
+        np.maximum(self._load, load.max(axis=1), out=self._load)
+        np.minimum(self._supply, outputs[self._supply_pressure].min(axis=1), out=self._supply)
 
     def uses(self, peak_ratios: Sequence[float], *, samples: int) -> list[Use]:
         """Return the use of every drive channel."""
-        return [
-            Use(
-                drive=drive,
-                peak_command_ratio=float(peak_ratios[index]),
-                saturated_share=float(self._saturated[index] / max(samples, 1)),
-                largest_following_error=float(self._following[index]),
-                largest_load_pressure_share=float(self._load[index]),
-                lowest_supply_pressure=float(self._supply[index]) if np.isfinite(self._supply[index]) else 0.0,
+        actuators = {drive: index for index, drive in enumerate(np.arange(len(self._drives))[self._driven].tolist())}
+        uses = []
+        for drive, name in enumerate(self._drives):
+            peak, index = float(peak_ratios[drive]), actuators.get(drive)
+            if index is None:
+                uses.append(Use(drive=name, peak_command_ratio=peak, saturated_share=0.0, largest_following_error=0.0))
+                continue
+            supply = float(self._supply[index])
+            uses.append(
+                Use(
+                    drive=name,
+                    peak_command_ratio=peak,
+                    saturated_share=float(self._saturated[index] / max(samples, 1)),
+                    largest_following_error=float(self._following[index]),
+                    largest_load_pressure_share=float(self._load[index]),
+                    lowest_supply_pressure=supply if np.isfinite(supply) else 0.0,
+                )
             )
-            for index, drive in enumerate(self._drives)
-        ]
+        return uses
+
+
+def _rows(places: Iterable[int]) -> slice | np.ndarray:
+    """Return rows as a slice if they are evenly spaced, which is a view without a copy; else as their numbers."""
+    rows = np.fromiter(places, dtype=np.intp)
+    steps = np.unique(np.diff(rows))
+    if len(rows) < 2 or len(steps) != 1 or steps[0] <= 0:
+        return rows
+    return slice(int(rows[0]), int(rows[-1]) + 1, int(steps[0]))
 
 
 if TYPE_CHECKING:
@@ -445,8 +460,10 @@ class Playback(SimulatedPlayback):
         self._given = played
 
     def _run(self, commands: np.ndarray) -> Run:
-        lost = np.broadcast_to(self._condition.lost[:, None], (len(self._condition.lost), commands.shape[1]))
-        return Run(self._state, np.vstack([commands, lost]), self._bounds)
+        lost = self._condition.lost
+        if lost.size:
+            commands = np.vstack([commands, np.broadcast_to(lost[:, None], (len(lost), commands.shape[1]))])
+        return Run(self._state, commands, self._bounds)
 
     def _play(self, commands: np.ndarray) -> Played:
         given, self._given = self._given, None
