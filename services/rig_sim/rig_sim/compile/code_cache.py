@@ -19,11 +19,12 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final, TypeVar
 
+import numpy as np
 import structlog
 from llvmlite import binding as llvm
 
 from rig_sim.compile.compiled_model import CompiledModel, CompiledModule, compile_module, link_module
-from rig_sim.compile.constants import ConstantTable, with_constants
+from rig_sim.compile.constants import ConstantTable
 
 FOLDER_VARIABLE: Final = "DURALAB_CODE_CACHE"
 """Environment variable with another folder for the code; `off` disables the cache."""
@@ -52,13 +53,13 @@ def shared_model(said: str, table: ConstantTable, compile_it: Callable[[], Compi
     """
 
     def linked(code: bytes, described: dict[str, Any]) -> CompiledModel:
-        return _linked(with_constants(code, table.content(described["constants"])), described)
+        return _linked(code, described | {"constants": table.content(described.pop("entries"))})
 
     return _kept(
         f"structure {table.structure} {said}",
         compile_it,
         link=linked,
-        describe=lambda model: _described(model) | {"constants": table.slots} if table.complete else None,
+        describe=lambda model: _described(model) | {"entries": table.entries} if table.complete else None,
     )
 
 
@@ -141,6 +142,7 @@ def _linked(code: bytes, described: dict[str, Any]) -> CompiledModel:
     order = described["state_order"]
     return CompiledModel(
         link_module(code),
+        np.array(described["constants"], dtype=float),
         state_names=tuple(described["state_names"]),
         input_names=tuple(described["input_names"]),
         output_names=tuple(described["output_names"]),
@@ -156,6 +158,7 @@ def _described(model: CompiledModel) -> dict[str, Any]:
         "output_names": model.output_names,
         "operation_count": model.operation_count,
         "state_order": model.state_order,
+        "constants": model.constants.tolist(),
     }
 
 

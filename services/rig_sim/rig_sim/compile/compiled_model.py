@@ -53,8 +53,7 @@ def link_module(code: bytes, context: llvm.ContextRef | None = None) -> Compiled
     """Return a module compiled before; the caller must check that it was for this processor, or it crashes."""
     _initialize()
     context = context or llvm.create_context()
-    # use_lmm: one block of memory for code and data.
-    engine = llvm.create_mcjit_compiler(llvm.parse_assembly("", context), _target(0), use_lmm=True)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly("", context), _target(0))
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     compiled = CompiledModule(engine, code)
@@ -65,15 +64,8 @@ def link_module(code: bytes, context: llvm.ContextRef | None = None) -> Compiled
 
 
 def _target(optimization: int) -> llvm.TargetMachine:
-    # Addresses of 64 bits, LLVM's default here, need an instruction each and make a playback 4 % slower; 32 bits reach
-    # from the code to its own data wherever the block lies, if no address is absolute.
     return llvm.Target.from_triple(llvm.get_process_triple()).create_target_machine(
-        cpu=llvm.get_host_cpu_name(),
-        features=llvm.get_host_cpu_features().flatten(),
-        opt=optimization,
-        reloc="pic",
-        codemodel="small",
-        jit=True,
+        cpu=llvm.get_host_cpu_name(), features=llvm.get_host_cpu_features().flatten(), opt=optimization, jit=True
     )
 
 
@@ -92,8 +84,19 @@ def _initialize() -> None:
         llvm.add_symbol(name, ctypes.cast(getattr(library, name), ctypes.c_void_p).value)
 
 
-_DERIVATIVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 3)
-_OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
+_ALIGNMENT = 64
+
+
+def aligned(shape: tuple[int, ...]) -> np.ndarray:
+    """Return an uninitialised array that begins at a cache line."""
+    size = 8 * int(np.prod(shape))
+    memory = np.empty(size + _ALIGNMENT, dtype=np.uint8)
+    offset = -memory.ctypes.data % _ALIGNMENT
+    return memory[offset : offset + size].view(np.float64).reshape(shape)
+
+
+_DERIVATIVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
+OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)
 
 
 @dataclass(frozen=True)
@@ -194,13 +197,14 @@ class NamedModel:
 class CompiledModel(NamedModel):
     """A model as machine code. Made by :func:`compile_model`; may be called from several threads at once.
 
-    `operation_count`: Operations of one evaluation of the derivative, both sides of a mirrored model counted. `lanes`:
-    2 if both sides of the model are computed as lanes of vectors, else 1.
+    `constants`: Table that the code reads. `operation_count`: Operations of one evaluation of the derivative, both
+    sides of a mirrored model counted. `lanes`: 2 if both sides of the model are computed as lanes of vectors, else 1.
     """
 
     def __init__(
         self,
         module: CompiledModule,
+        constants: np.ndarray,
         *,
         state_names: tuple[str, ...],
         input_names: tuple[str, ...],
@@ -210,8 +214,10 @@ class CompiledModel(NamedModel):
     ) -> None:
         super().__init__(state_names=state_names, input_names=input_names, output_names=output_names)
         self._module = module  # keeps the code alive
+        self.constants = aligned((len(constants),))
+        self.constants[:] = constants
         self._derivative = _DERIVATIVE_SIGNATURE(module.address("derivative"))
-        self._observe = _OBSERVE_SIGNATURE(module.address("observe"))
+        self._observe = OBSERVE_SIGNATURE(module.address("observe"))
         self._play = {method: PLAY_SIGNATURE(module.address(play_symbol(method))) for method in Method}
         self.operation_count = operation_count
         self.state_order = state_order
@@ -230,7 +236,7 @@ class CompiledModel(NamedModel):
         values = self._vector(state, self.state_names, "state")[self._order]
         given = self._vector(inputs, self.input_names, "inputs")
         derivative = np.empty(len(self.state_names))
-        self._derivative(values.ctypes.data, given.ctypes.data, derivative.ctypes.data)
+        self._derivative(*(array.ctypes.data for array in (values, given, self.constants, derivative)))
         return derivative[self._places]
 
     def outputs(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:
@@ -239,7 +245,7 @@ class CompiledModel(NamedModel):
         given = self._vector(inputs, self.input_names, "inputs")
         derivative = np.empty(len(self.state_names))
         outputs = np.empty(len(self.output_names))
-        self._observe(values.ctypes.data, given.ctypes.data, derivative.ctypes.data, outputs.ctypes.data)
+        self._observe(*(array.ctypes.data for array in (values, given, self.constants, derivative, outputs)))
         return outputs
 
     def play(
@@ -280,6 +286,7 @@ class CompiledModel(NamedModel):
             int(substeps),
             sample_interval / substeps,
             inner_limits.ctypes.data,
+            self.constants.ctypes.data,
         )
         final = inner[self._places]
         if status == COMPLETED:

@@ -5,17 +5,18 @@ Calling it through ctypes releases the GIL.
 
 Two functions of the model are expected, both of ``n`` states and ``n_u`` inputs::
 
-    void derivative(const double *state, const double *inputs, double *derivative)
-    void observe   (const double *state, const double *inputs, double *derivative, double *outputs)
+    void derivative(const double *state, const double *inputs, const double *constants, double *derivative)
+    void observe   (const double *state, const double *inputs, const double *constants, double *derivative,
+                    double *outputs)
 
 ``observe`` is the first stage of the first step after each sample instant, so that outputs cost one evaluation less and
 are computed once a sample. The loop's own function, one for each method, is::
 
     int64 play_METHOD(double *state, const double *commands, int64 command_stride, double *outputs, int64 output_stride,
-               int64 samples, int64 substeps, double step, const double *bounds)
+               int64 samples, int64 substeps, double step, const double *bounds, const double *constants)
 
-For several rigs in the lanes of vectors every ``double`` in an array is a vector, and each function gets one more array
-after ``inputs`` or ``bounds``: the constants that differ between the rigs. The loop ends if any lane is out of bounds.
+For several rigs in the lanes of vectors every ``double`` in an array is a vector. The loop ends if any lane is out of
+bounds.
 
 The loop adds up and compares states in vectors, so its ``state`` and ``bounds`` have room for :func:`padded` states;
 those beyond the model's are 0 and in bounds.
@@ -74,8 +75,8 @@ class Method(Enum):
     #: Verner's method of order 6, 7 evaluations: with steps twice as long as the classical one's it is cheaper, has a
     #: larger stable range and is more exact, if no step crosses the drive's kinks at the samples.
     VERNER_6 = "verner_6"
-    #: Method of order 3 with 6 evaluations, tuned to rigs: stiff bushings and rods that a kink of friction excites decay
-    #: as they should. On the shipped rigs it is as exact as Verner's with 7, and no undamped motion grows.
+    #: Method of order 3 with 6 evaluations, tuned to rigs: stiff bushings and rods that a kink of friction excites
+    #: decay as they should. On the shipped rigs it is as exact as Verner's with 7, and no undamped motion grows.
     TUNED_3 = "tuned_3"
 
     @property
@@ -152,14 +153,11 @@ _TABLEAUS = {
 
 
 COMPLETED = -1
-_PLAY_ARGUMENTS = (
+PLAY_SIGNATURE = ctypes.CFUNCTYPE(
+    ctypes.c_int64,
     *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
-    *(ctypes.c_int64, ctypes.c_int64, ctypes.c_double, ctypes.c_void_p),
+    *(ctypes.c_int64, ctypes.c_int64, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p),
 )
-PLAY_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *_PLAY_ARGUMENTS)
-LANES_PLAY_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int64, *_PLAY_ARGUMENTS, ctypes.c_void_p)
-
-
 #: Doubles in a vector of the loop for one rig.
 SINGLE_WIDTH: Final = 8
 
@@ -283,8 +281,6 @@ class _Loop:
         self._states = states
         self._count = count
         self._inputs, self._outputs = inputs, outputs
-        # Constants that differ between rigs in lanes.
-        self._constants = "" if rigs == 1 else ", ptr %constants"
 
     def within(self) -> str:
         """Write the comparison of all states with their bounds."""
@@ -316,9 +312,7 @@ class _Loop:
             slopes="\n".join(self._slope(slope) for slope in slopes),
             stages="\n".join(self._stages(tableau, name)),
             step=_call(f"{name}.to.{len(slopes)}", tableau.weights, "%state"),
-            constants=self._constants,
             attributes=self._states.attributes if self._rigs > 1 else "",
-            parameter=self._constants.replace("ptr ", "ptr noalias "),
         )
         return "\n".join([*combinations, play])
 
@@ -344,7 +338,7 @@ class _Loop:
                     "  call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, "
                     f"double %fraction.{stage}, ptr %inputs)",
                 ]
-            lines.append(f"  call void @derivative(ptr %point, ptr %inputs{self._constants}, ptr %slope{stage})")
+            lines.append(f"  call void @derivative(ptr %point, ptr %inputs, ptr %constants, ptr %slope{stage})")
         return lines
 
 
@@ -402,7 +396,7 @@ def _combination(name: str, shares: Sequence[Rational], kind: Kind, *, count: in
 _PLAY = """
 define i64 @{name}(ptr noalias %state, ptr noalias %commands, i64 %command.stride, ptr noalias %outputs,
                    i64 %output.stride, i64 %samples, i64 %substeps, double %step,
-                   ptr noalias %bounds{parameter}) nounwind{attributes} {{
+                   ptr noalias %bounds, ptr noalias %constants) nounwind{attributes} {{
 entry:
   %point = alloca {states}, align 64
 {slopes}
@@ -424,14 +418,14 @@ completed:
 observed:
   %k.next = add i64 %k, 1
   call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, double 0.0, ptr %inputs)
-  call void @observe(ptr %state, ptr %inputs{constants}, ptr %slope0, ptr %row)
+  call void @observe(ptr %state, ptr %inputs, ptr %constants, ptr %slope0, ptr %row)
   call void @scatter(ptr %row, ptr %outputs, i64 %output.stride, i64 %k)
   br label %stages
 first.stage:
   %number.begin = sitofp i64 %j.next to double
   %begin = fdiv double %number.begin, %parts
   call void @interpolate(ptr %commands, i64 %command.stride, i64 %k, i64 %k.next, double %begin, ptr %inputs)
-  call void @derivative(ptr %state, ptr %inputs{constants}, ptr %slope0)
+  call void @derivative(ptr %state, ptr %inputs, ptr %constants, ptr %slope0)
   br label %stages
 stages:
   %j = phi i64 [0, %observed], [%j.next, %first.stage]

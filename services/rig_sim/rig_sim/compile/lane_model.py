@@ -7,7 +7,6 @@ bytes in every lane, beside any others, and in vectors of any width.
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache, lru_cache
@@ -17,10 +16,10 @@ import numpy as np
 from llvmlite import binding as llvm
 
 from rig_sim.compile.code_cache import cached_module
-from rig_sim.compile.compiled_model import CompiledModule, NamedModel, Playback, Run
+from rig_sim.compile.compiled_model import OBSERVE_SIGNATURE, CompiledModule, NamedModel, Playback, Run, aligned
 from rig_sim.compile.constants import LaneTable
 from rig_sim.compile.expansion import expanded
-from rig_sim.compile.integrate import COMPLETED, LANES_PLAY_SIGNATURE, Method, padded, play_symbol, play_text
+from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Method, padded, play_symbol, play_text
 from rig_sim.compile.lanes import MirroredModel, mirrored_model
 from rig_sim.compile.llvm_text import declarations, function_text, vector_kind
 from rig_sim.compile.tracing import Expression, TracedModel
@@ -28,9 +27,6 @@ from rig_sim.compile.variants import Variants, fused
 
 WIDTHS: Final = (4, 8)
 """Doubles in a vector: AVX2 has four, AVX-512 eight."""
-
-_ALIGNMENT: Final = 64
-_OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)
 
 
 @cache
@@ -126,15 +122,15 @@ class LaneModel(NamedModel):
         order = range(len(state_names)) if planned.mirrored is None else planned.mirrored.order
         self._order = np.array(order)
         self._places = np.argsort(self._order)
-        self._observe = _OBSERVE_SIGNATURE(self._module.address("observe"))
-        self._play = {method: LANES_PLAY_SIGNATURE(self._module.address(play_symbol(method))) for method in Method}
+        self._observe = OBSERVE_SIGNATURE(self._module.address("observe"))
+        self._play = {method: PLAY_SIGNATURE(self._module.address(play_symbol(method))) for method in Method}
 
     def evaluate(self, variants: Sequence[int], runs: Sequence[Run]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return derivative and outputs of each run at its state and its first command."""
         lanes = _Lanes(self._constants, variants, rigs=self.rigs)
         state = lanes.spread([self._vector(run.state, self.state_names, "state")[self._order] for run in runs])
         inputs = lanes.spread([self._commands(run.commands)[:, 0] for run in runs])
-        derivative, outputs = (_aligned((len(names), self.rigs)) for names in (self.state_names, self.output_names))
+        derivative, outputs = (aligned((len(names), self.rigs)) for names in (self.state_names, self.output_names))
         self._observe(*(array.ctypes.data for array in (state, inputs, lanes.table, derivative, outputs)))
         derivative = derivative[self._places]
         return [(derivative[:, lane].copy(), outputs[:, lane].copy()) for lane in range(len(runs))]
@@ -165,7 +161,7 @@ class LaneModel(NamedModel):
             state = lanes.spread([states[run][self._order] for run in live], room=room)
             bounds = lanes.spread([limits[run][self._order] for run in live], room=room)
             command = lanes.spread([commands[run][:, begin : until + 1] for run in live])
-            output = _aligned((len(self.output_names), until - begin, self.rigs))
+            output = aligned((len(self.output_names), until - begin, self.rigs))
             status = self._play[method](
                 state.ctypes.data,
                 command.ctypes.data,
@@ -198,22 +194,14 @@ class _Lanes:
 
     def __init__(self, constants: np.ndarray, variants: Sequence[int], *, rigs: int) -> None:
         self._of_lane = [*range(len(variants)), *[0] * (rigs - len(variants))]
-        self.table = _aligned((len(constants), rigs))
+        self.table = aligned((len(constants), rigs))
         self.table[:] = constants[:, [variants[place] for place in self._of_lane]]
 
     def spread(self, arrays: Sequence[np.ndarray], *, room: int | None = None) -> np.ndarray:
         """Return one array of each run with the lanes as its last axis; with `room` for more places, which are 0."""
         length, *rest = arrays[0].shape
-        spread = _aligned((length if room is None else room, *rest, len(self._of_lane)))
+        spread = aligned((length if room is None else room, *rest, len(self._of_lane)))
         spread[length:] = 0.0
         for lane, place in enumerate(self._of_lane):
             spread[:length, ..., lane] = arrays[place]
         return spread
-
-
-def _aligned(shape: tuple[int, ...]) -> np.ndarray:
-    """Return an uninitialised array that begins at a cache line."""
-    size = 8 * int(np.prod(shape))
-    memory = np.empty(size + _ALIGNMENT, dtype=np.uint8)
-    offset = -memory.ctypes.data % _ALIGNMENT
-    return memory[offset : offset + size].view(np.float64).reshape(shape)

@@ -16,15 +16,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
 
-from rig_sim.compile.constants import Constants, Term
+from rig_sim.compile.constants import Entry, Table
 from rig_sim.compile.llvm_text import (
     INFIX,
-    SCALAR,
     Kind,
     fused_lines,
     half_line,
     joined_lines,
-    literal,
     operation_lines,
     swapped_line,
     vector_kind,
@@ -301,7 +299,7 @@ class LaneFunction:
         return uses
 
 
-def lane_function_text(function: LaneFunction, *, contract: bool, table: Constants, rigs: int) -> str:
+def lane_function_text(function: LaneFunction, *, contract: bool, table: Table, rigs: int) -> str:
     """Write one function.
 
     For several rigs the products that are used only in one sum are fused with it here, and not by the compiler: the
@@ -319,7 +317,7 @@ def lane_function_text(function: LaneFunction, *, contract: bool, table: Constan
         for position, expression in singles:
             writer.store(array, position, writer.number(expression), writer.one)
     parameters = [f"ptr noalias readonly %argument{array}" for array in range(2)]
-    parameters += table.parameters
+    parameters.append(table.parameter)
     parameters += [f"ptr noalias %result{array}" for array in range(len(function.pairs))]
     head = f"define void @{function.name}({', '.join(parameters)}) noinline nounwind{writer.two.attributes} {{"
     return "\n".join([head, *writer.lines, "ret void", "}"])
@@ -328,7 +326,7 @@ def lane_function_text(function: LaneFunction, *, contract: bool, table: Constan
 class _Writer:
     """Writer of the lines of one function; `one` is the kind of a lane, `two` that of a vector of both sides."""
 
-    def __init__(self, function: LaneFunction, table: Constants, *, contract: bool, rigs: int) -> None:
+    def __init__(self, function: LaneFunction, table: Table, *, contract: bool, rigs: int) -> None:
         self.one = vector_kind(rigs)
         self.two = vector_kind(2 * rigs)
         self.lines: list[str] = []
@@ -354,7 +352,7 @@ class _Writer:
     def number(self, expression: Expression) -> str:
         """Return a single number: a constant, an input, a computed number, or a lane of a vector."""
         if self._table.holds(expression):
-            return self._constants([(expression, 1.0)])
+            return self._constants([self._table.entry(expression)])
         index = expression.index
         if expression.operation is Operation.INPUT:
             return self._once(index, lambda name: self._load(expression, name, self.one))
@@ -430,7 +428,7 @@ class _Writer:
             self._once(key, lambda name: [f"{name} = {word}{self._flags} {self.two.numbers} {x}, {y}"])
         else:
             # The product is exact, so it does not matter whether it is fused.
-            factors = [y, self._literals(relative)]
+            factors = [y, self._constants(relative)]
             self._once(key, lambda name: fused_lines(factors, x, name=name, kind=self.two))
 
     def _fused_sum(self, key: Key, operands: tuple[Key, Key], relative: Signs) -> None:
@@ -448,7 +446,7 @@ class _Writer:
         """Return a vector without the signs that its users must apply."""
         vector = self._plan.vectors[key]
         if vector.form is Form.CONSTANTS:
-            return self._constants([(expression, 1.0) for expression in vector.expressions])
+            return self._constants([self._table.entry(expression) for expression in vector.expressions])
         return self._made[key]
 
     def _signed(self, key: Key, factor: Signs) -> str:
@@ -460,11 +458,11 @@ class _Writer:
             return self._bare(key)
         vector = self._plan.vectors[key]
         if vector.form is Form.CONSTANTS:
-            return self._constants(list(zip(vector.expressions, signs, strict=True)))
+            return self._constants([self._table.entry(*term) for term in zip(vector.expressions, signs, strict=True)])
         bare = self._bare(key)
         if signs == _MINUS:
             return self._negative(bare, self.two)
-        factors = self._literals(signs)
+        factors = self._constants(signs)
         return self._once(
             ("turned", key, signs), lambda name: [f"{name} = fmul{self._flags} {self.two.numbers} {bare}, {factors}"]
         )
@@ -472,22 +470,13 @@ class _Writer:
     def _negative(self, value: str, kind: Kind) -> str:
         return self._once(("minus", value), lambda name: [f"{name} = fneg {kind.numbers} {value}"])
 
-    def _constants(self, terms: Sequence[Term]) -> str:
-        """Return one constant, or two as a vector: read from the table, or written into the code."""
-        place = self._table.place(terms)
-        if place is None:
-            return self._literals([sign * float(expression) for expression, sign in terms])
-        kind = self.one if len(terms) == 1 else self.two
+    def _constants(self, entries: Sequence[Entry]) -> str:
+        """Return one constant, or two as a vector."""
+        place = self._table.place(entries)
+        kind = self.one if len(entries) == 1 else self.two
         return self._once(
-            ("constants", place, len(terms)), lambda name: self._table.load_lines(name, kind.numbers, place)
+            ("constants", place, len(entries)), lambda name: self._table.load_lines(name, kind.numbers, place)
         )
-
-    def _literals(self, values: Sequence[float]) -> str:
-        """Return one number, or two as a vector, that are the same in all rigs."""
-        if len(values) == 1:
-            return self.one.constant(literal(values[0]))
-        numbers = [f"{SCALAR} {literal(value)}" for value in values for _ in range(self.one.lanes)]
-        return f"<{', '.join(numbers)}>"
 
     def _load(self, leaf: Expression, name: str, kind: Kind) -> list[str]:
         array, position = self._places[leaf.index]
@@ -538,7 +527,7 @@ class MirroredModel:
     functions: tuple[LaneFunction, LaneFunction]
     order: tuple[int, ...]
 
-    def text(self, *, contract: bool, table: Constants, rigs: int = 1) -> str:
+    def text(self, *, contract: bool, table: Table, rigs: int = 1) -> str:
         """Write the functions `derivative` and `observe`, for a number of rigs at a time."""
         return "\n".join(
             lane_function_text(function, contract=contract, table=table, rigs=rigs) for function in self.functions

@@ -7,7 +7,7 @@ import struct
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rig_sim.compile.constants import Constants
+from rig_sim.compile.constants import Table
 from rig_sim.compile.operations import LEAVES, Operation
 from rig_sim.compile.tracing import Expression, creation_order
 
@@ -123,7 +123,7 @@ def function_text(
     *,
     contract: bool,
     kind: Kind = DOUBLE,
-    table: Constants,
+    table: Table,
 ) -> str:
     """Write a function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``.
 
@@ -180,18 +180,16 @@ def function_text(
         if result.index in stores:
             store(result)
     parameters = [f"ptr noalias readonly %argument{array}" for array in range(len(arguments))]
-    parameters += table.parameters
+    parameters.append(table.parameter)
     parameters += [f"ptr noalias %result{array}" for array in range(len(results))]
     # noinline: the loop that calls it four times must not hold four copies of it
     head = f"define void @{name}({', '.join(parameters)}) noinline nounwind{kind.attributes} {{"
     return "\n".join([head, *lines, "ret void", "}"])
 
 
-def _constant(expression: Expression, kind: Kind, table: Constants, *, read: set[int], lines: list[str]) -> str:
-    """Return a constant as a literal, or as read from the table once in a function."""
-    place = table.place([(expression, 1.0)])
-    if place is None:
-        return kind.constant(literal(float(expression)))
+def _constant(expression: Expression, kind: Kind, table: Table, *, read: set[int], lines: list[str]) -> str:
+    """Return a constant, read from the table once in a function."""
+    place = table.place([table.entry(expression)])
     if place not in read:
         read.add(place)
         lines.extend(table.load_lines(f"%c{place}", kind.numbers, place))

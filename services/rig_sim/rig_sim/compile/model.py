@@ -81,9 +81,10 @@ def compile_model(
         else:
             functions = _scalar_text(written, contract=contract, table=table)
         loop = play_text(states=len(traced.state), inputs=len(traced.inputs), outputs=len(traced.outputs))
-        text = "\n".join([declarations(DOUBLE, PAIR, vector_kind(SINGLE_WIDTH)), table.text(), functions, loop])
+        text = "\n".join([declarations(DOUBLE, PAIR, vector_kind(SINGLE_WIDTH)), functions, loop])
         return CompiledModel(
             compile_module(text, optimization=optimization),
+            table.content(table.entries),
             state_names=tuple(state_names),
             input_names=tuple(input_names),
             output_names=names,
