@@ -149,7 +149,7 @@ def data_sheet(rig: Rig, system: Linearisation) -> str:
     stiffest = np.abs(poles).max()
     return "\n\n".join(
         [
-            table(["drive (left; right alike)", "unit", "limits", "slew limit"], drives),
+            table(["drive (left; right the same)", "unit", "limits", "slew limit"], drives),
             table(["response (left; right mirrored)", "unit", "range", "noise, RMS", "at rest"], responses),
             table(["mode at rest, Hz", "damping ratio", "most of the motion", "modes"], eigen),
             f"Sample rate {speed:g} Hz, steps a sample: {rig.specimen.substeps} of {rig.specimen.integrator.value}; "

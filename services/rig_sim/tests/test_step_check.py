@@ -7,7 +7,7 @@ import pytest
 
 from rig_sim.checks.equilibrium import linearise
 from rig_sim.checks.step_check import MARGIN, StepError, check_step, largest_stable_step
-from rig_sim.compile import Method, compile_model
+from rig_sim.compile import Method, amplification, compile_model
 from rig_sim.playing.player import load_rig
 from rig_sim.specimen.specimen import shipped_specimens
 
@@ -20,6 +20,11 @@ def test_the_bound_on_real_and_imaginary_axes_is_the_textbooks(eigenvalues, reac
     expected = reach / 1000.0 / MARGIN
     longest = largest_stable_step(np.array(eigenvalues, dtype=complex), Method.RUNGE_KUTTA_4)
     assert longest == pytest.approx(expected, rel=3e-4)
+
+
+def test_with_the_tuned_method_no_undamped_motion_grows():
+    assert amplification(1j * np.linspace(0.0, 4.0, 2001), Method.TUNED_3).max() <= 1.0 + 1e-12
+    assert amplification(1j * np.linspace(0.0, 4.0, 2001), Method.VERNER_6).max() > 1.1
 
 
 @pytest.mark.parametrize("method", Method)
