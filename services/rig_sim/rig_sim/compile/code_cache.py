@@ -42,7 +42,12 @@ def cached_model(key: str, compile_it: Callable[[], CompiledModel]) -> CompiledM
     `key`: Differs if anything in the model differs. An error in reading or writing the code is
     logged, and the model is compiled.
     """
-    return _kept(key, compile_it, link=_linked, describe=_described)
+    return _kept(
+        key,
+        compile_it,
+        link=lambda code, described: _linked(code, described, np.array(described["constants"], dtype=float)),
+        describe=lambda model: _described(model) | {"constants": model.constants.tolist()},
+    )
 
 
 def shared_model(said: str, table: ConstantTable, compile_it: Callable[[], CompiledModel]) -> CompiledModel:
@@ -53,7 +58,7 @@ def shared_model(said: str, table: ConstantTable, compile_it: Callable[[], Compi
     """
 
     def linked(code: bytes, described: dict[str, Any]) -> CompiledModel:
-        return _linked(code, described | {"constants": table.content(described.pop("entries"))})
+        return _linked(code, described, table.content(described["entries"]))
 
     return _kept(
         f"structure {table.structure} {said}",
@@ -138,11 +143,11 @@ def _read(path: Path, link: Callable[[bytes, dict[str, Any]], _Made]) -> _Made |
     return model
 
 
-def _linked(code: bytes, described: dict[str, Any]) -> CompiledModel:
+def _linked(code: bytes, described: dict[str, Any], constants: np.ndarray) -> CompiledModel:
     order = described["state_order"]
     return CompiledModel(
         link_module(code),
-        np.array(described["constants"], dtype=float),
+        constants,
         state_names=tuple(described["state_names"]),
         input_names=tuple(described["input_names"]),
         output_names=tuple(described["output_names"]),
@@ -158,7 +163,6 @@ def _described(model: CompiledModel) -> dict[str, Any]:
         "output_names": model.output_names,
         "operation_count": model.operation_count,
         "state_order": model.state_order,
-        "constants": model.constants.tolist(),
     }
 
 

@@ -126,13 +126,13 @@ def kept_files(names, folder):
     for name in names:
         before = set(folder.iterdir()) if folder.exists() else set()
         load_any_rig(shipped_specimens()[name])
-        own = [file for file in set(folder.iterdir()) - before if "constants" not in head(file)]
+        own = [file for file in set(folder.iterdir()) - before if "entries" not in head(file)]
         files += sorted(own, key=lambda file: head(file)["input_names"] == [])
     return files
 
 
 def head(file):
-    """Return what a file says of its code; that of a structure has a table of constants."""
+    """Return what a file says of its code; that of a structure names the entries of its table of constants."""
     with file.open("rb") as stream:
         return json.loads(stream.readline())
 
@@ -164,12 +164,12 @@ def test_code_of_a_structure_with_other_constants_does_not_play(tmp_path, monkey
     folder = tmp_path / "code"
     monkeypatch.setenv(FOLDER_VARIABLE, str(folder))
     own, _ = kept_files(["front_axle"], folder)
-    (structure,) = (file for file in folder.iterdir() if "constants" in head(file) and head(file)["input_names"])
+    (structure,) = (file for file in folder.iterdir() if "entries" in head(file) and head(file)["input_names"])
     own.unlink()
     described = head(structure)
-    places = [place for place, entry in enumerate(described["constants"]) if isinstance(entry[0], int)]
-    first, last = described["constants"][places[0]], described["constants"][places[-1]]
-    described["constants"][places[0]], described["constants"][places[-1]] = last, first
+    entries = described["entries"]
+    places = [place for place, entry in enumerate(entries) if isinstance(entry, int)]
+    entries[places[0]], entries[places[-1]] = entries[places[-1]], entries[places[0]]
     code = structure.read_bytes().partition(b"\n")[2]
     structure.write_bytes(json.dumps(described).encode() + b"\n" + code)
     with pytest.raises(ProofError, match="must not play"):
