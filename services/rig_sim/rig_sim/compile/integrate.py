@@ -76,7 +76,7 @@ class Method(Enum):
     #: larger stable range and is more exact, if no step crosses the drive's kinks at the samples.
     VERNER_6 = "verner_6"
     #: Method of order 3 with 6 evaluations, tuned to rigs: stiff bushings and rods that a kink of friction excites
-    #: decay as they should. On the shipped rigs it is as exact as Verner's with 7, and no undamped motion grows.
+    #: decay as they should. On the shipped rigs its error is about that of Verner's with 7; no undamped motion grows.
     TUNED_3 = "tuned_3"
 
     @property

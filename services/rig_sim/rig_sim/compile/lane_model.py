@@ -109,8 +109,15 @@ class LaneModel(NamedModel):
     ) -> None:
         """Compile for a number of runs: vectors are the narrowest that hold all of them, else the widest, in doubles.
 
-        `widest` is that of this processor by default.
+        `widest` is that of this processor by default. Raises `ValueError` if names and arrays of the variants do not
+        match: the code would write beyond its arrays.
         """
+        traced = variants.traced
+        sizes = tuple(len(group) for group in (traced.state, traced.inputs, traced.outputs))
+        if sizes != (names := (len(state_names), len(input_names), len(output_names))):
+            raise ValueError(
+                f"The variants have {sizes} states, inputs and outputs for {names} names; name each of them."
+            )
         super().__init__(state_names=state_names, input_names=input_names, output_names=output_names)
         planned = PlannedVariants.of(variants)
         widest = widest_lanes() if widest is None else widest

@@ -66,7 +66,7 @@ def test_an_operation_on_both_sides_of_several_rigs_gives_what_numpy_gives(name,
 
 
 def test_a_look_across_takes_the_other_side_of_the_same_rig():
-    lanes = in_lanes([looking_across])
+    lanes = in_lanes([looking_across], outputs=3)
     rng = np.random.default_rng(7)
     runs = [Run(rng.normal(size=4), rng.normal(size=(2, 1))) for _ in range(4)]
     for width in WIDTHS:
@@ -74,7 +74,12 @@ def test_a_look_across_takes_the_other_side_of_the_same_rig():
         for run, (rates, outputs) in zip(runs, lanes[width].evaluate([0] * count, runs[:count]), strict=False):
             expected = looking_across(run.state, run.commands[:, 0])
             np.testing.assert_allclose(rates, np.array(expected[0], dtype=float), rtol=1e-12)
-            np.testing.assert_allclose(outputs, np.array(expected[1][:2], dtype=float), rtol=1e-12)
+            np.testing.assert_allclose(outputs, np.array(expected[1], dtype=float), rtol=1e-12)
+
+
+def test_names_that_do_not_match_the_arrays_are_refused():
+    with pytest.raises(ValueError, match=r"\(4, 2, 3\) states, inputs and outputs for \(4, 2, 2\) names"):
+        in_lanes([looking_across])
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from rig_sim.compile import (
     tanh,
 )
 
-#: What a side computes from its own state (x, y) and a constant of its own.
+#: Result of a side, from its state (x, y) and its constant.
 OPERATIONS = {
     "add": lambda x, y, c: x + y * c,
     "subtract": lambda x, y, c: x * c - y,
