@@ -38,3 +38,12 @@ def test_no_service_starts_threads_as_it_is_imported():
         env={**os.environ, "OMP_NUM_THREADS": "1"},
     )
     assert done.stdout.strip() == "1"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="services are forked on Linux only")
+def test_forked_services_do_not_import_the_colours_of_a_terminal():
+    """structlog imports rich where it is installed, in every process that writes a log."""
+    program = "from duralab.processes import fork_server; fork_server.import_shared(); import sys, structlog; "
+    program += "print('rich' in sys.modules, 'duralab_bus' in sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["False", "True"]

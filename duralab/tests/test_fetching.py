@@ -1,6 +1,8 @@
 from __future__ import annotations
 
+import errno
 import hashlib
+import os
 import threading
 
 import pytest
@@ -8,6 +10,7 @@ import pytest
 from duralab.errors import LabError
 from duralab.lab import fetching
 from duralab.lab.fetching import Part, fetch, fetch_result
+from duralab.lab.recordings_folder import RecordingsPlace, own_recordings
 from duralab_bus import FaultError
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
@@ -89,6 +92,64 @@ def test_a_live_file_of_before_does_not_stay_beside_a_recording_that_has_none(tm
 
     (tmp_path / "live.rrd").write_bytes(b"of another campaign")
     specification = iterator_pb2.CampaignSpec(id="demo")
-    result = fetch_result(WithoutLiveFile(), specification, iterator_pb2.CampaignStatus(), folder=tmp_path)
+    status = iterator_pb2.CampaignStatus()
+    result = fetch_result(WithoutLiveFile(), specification, status, folder=tmp_path, place=RecordingsPlace())
     assert result.recording_path.read_bytes() == CONTENT
     assert [path.name for path in tmp_path.iterdir()] == ["recording.mcap"]
+
+
+class Closed(Recorder):
+    """A recorder whose recording of two files is closed."""
+
+    def query(self, key, request, kind):
+        if kind is recorder_pb2.RecordingInfo:
+            files = [recorder_pb2.RecordingFile(), recorder_pb2.RecordingFile()]
+            return recorder_pb2.RecordingInfo(recording="demo", closed=True, files=files)
+        return super().query(key, request, kind)
+
+
+def handed_over(place, folder, *, files) -> Closed:
+    """Fetch the result of a campaign whose files lie in the folder of a lab's recorder."""
+    for name in files:
+        (place.folder / name).write_bytes(CONTENT)
+    recorder, specification = Closed(), iterator_pb2.CampaignSpec(id="demo")
+    result = fetch_result(recorder, specification, iterator_pb2.CampaignStatus(), folder=folder, place=place)
+    assert (result.recording_path, result.live_path) == (folder / "recording.mcap", folder / "live.rrd")
+    for name in ("recording.mcap", "recording.part02.mcap", "live.rrd"):
+        assert (folder / name).read_bytes() == CONTENT
+    return recorder
+
+
+def test_the_files_of_a_private_lab_are_linked_and_no_byte_is_copied(tmp_path):
+    folder = tmp_path / "out"
+    folder.mkdir()
+    (folder / "recording.part03.mcap").write_bytes(b"of a longer recording")
+    with own_recordings(folder) as place:
+        recorder = handed_over(place, folder, files=("demo.mcap", "demo.part02.mcap", "demo.rrd"))
+        assert (place.folder / "demo.mcap").samefile(folder / "recording.mcap")
+        assert (place.folder / "demo.part02.mcap").samefile(folder / "recording.part02.mcap")
+        assert (place.folder / "demo.rrd").samefile(folder / "live.rrd")
+        place.fetched.add("demo")
+    assert recorder.asked == []
+    assert sorted(path.name for path in folder.iterdir()) == ["live.rrd", "recording.mcap", "recording.part02.mcap"]
+
+
+def test_a_lab_that_keeps_its_recordings_gives_copies(tmp_path):
+    """Whoever changes a file of his results would change the lab's."""
+    (tmp_path / "recordings").mkdir()
+    place = RecordingsPlace(tmp_path / "recordings")
+    recorder = handed_over(place, tmp_path / "out", files=("demo.mcap", "demo.part02.mcap", "demo.rrd"))
+    assert recorder.asked
+    assert not (place.folder / "demo.mcap").samefile(tmp_path / "out" / "recording.mcap")
+
+
+@pytest.mark.parametrize("files", [("demo.mcap", "demo.part02.mcap", "demo.rrd"), ("demo.mcap", "demo.rrd"), ()])
+def test_files_that_cannot_be_linked_are_fetched(tmp_path, monkeypatch, files):
+    def other_disk(_source, _path):
+        raise OSError(errno.EXDEV, os.strerror(errno.EXDEV))
+
+    if len(files) == 3:
+        monkeypatch.setattr(os, "link", other_disk)
+    with own_recordings(tmp_path / "out") as place:
+        assert handed_over(place, tmp_path / "out", files=files).asked
+        place.fetched.add("demo")

@@ -13,6 +13,7 @@ def main() -> None:
     # Before anything is imported that an older Python cannot even read.
     if (fault := python_fault(sys.version_info[:3])) is not None:
         sys.exit(f"Error: {fault[:-1]}; install one, and make the environment with it.")
+    _import_ahead(sys.argv[1:])
     from duralab.cli.application import app
 
     for stream in (sys.stdout, sys.stderr):
@@ -20,3 +21,12 @@ def main() -> None:
             # A terminal that has no ★ shows a question mark; a table is no reason for a traceback.
             stream.reconfigure(errors="replace")
     app()
+
+
+def _import_ahead(arguments: list[str]) -> None:
+    """Begin with the imports of a private lab's services before this process makes its own."""
+    wants_lab = arguments[:1] in (["run"], ["up"])
+    if wants_lab and not any(argument == "--help" or argument.startswith("--connect") for argument in arguments):
+        from duralab.processes import import_ahead
+
+        import_ahead()

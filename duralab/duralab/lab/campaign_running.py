@@ -131,7 +131,7 @@ def collect(
         )
         raise recovery.annotate(error, played=bool(status.iterations))
     try:
-        result = fetch_result(ask.bus, specification, status, folder=folder)
+        result = fetch_result(ask.bus, specification, status, folder=folder, place=recovery.place)
     except FaultError as fault:
         raise recovery.annotate(ask.explained(fault), played=True, fetch=False) from fault
     except LabError as error:

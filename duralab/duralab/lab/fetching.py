@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import shlex
 import time
 from collections import deque
@@ -14,7 +15,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Final, TypeVar
 
-from duralab.errors import LabError, ended
+from duralab.errors import InputError, LabError, ended
 from duralab.lab.campaign_result import CampaignResult
 from duralab.lab.client import LabClient
 from duralab.lab.recordings_folder import RecordingsPlace
@@ -92,9 +93,14 @@ def _in_order(ask: Callable[[int], recorder_pb2.RecordingPart]) -> Iterator[reco
 
 
 def fetch_result(
-    bus: Bus, specification: iterator_pb2.CampaignSpec, status: iterator_pb2.CampaignStatus, *, folder: Path
+    bus: Bus,
+    specification: iterator_pb2.CampaignSpec,
+    status: iterator_pb2.CampaignStatus,
+    *,
+    folder: Path,
+    place: RecordingsPlace,
 ) -> CampaignResult:
-    """Fetch the files of a finished campaign into a folder."""
+    """Fetch the files of a finished campaign into a folder; a private lab's files are linked where that is possible."""
     information = wait_until_closed(bus, specification.id)
     if information.missing_blocks:
         raise LabError(
@@ -102,10 +108,36 @@ def fetch_result(
             "lost; it stays with the recorder, run the campaign again."
         )
     with span("fetch the recording", SpanKind.DISK):
-        recording_path, live_path = fetch_files(bus, information, folder=folder)
+        linked = _link_files(information, folder=folder, place=place)
+        recording_path, live_path = linked or fetch_files(bus, information, folder=folder)
     return CampaignResult(
         specification=specification, status=status, recording_path=recording_path, live_path=live_path
     )
+
+
+def _link_files(
+    information: recorder_pb2.RecordingInfo, *, folder: Path, place: RecordingsPlace
+) -> tuple[Path, Path] | None:
+    """Link the files of a finished campaign of a private lab into a folder; None if that is not possible.
+
+    The recorder does not write to them again, and its folder is deleted at the end of the lab.
+    """
+    recording_path, live_path = folder / "recording.mcap", folder / "live.rrd"
+    first = place.file(information.recording) if place.is_private else None
+    if first is None or not (live := first.with_suffix(live_path.suffix)).is_file():
+        return None
+    stale = [path for number, path in parts_beside(recording_path).items() if number > len(information.files)]
+    numbers = range(1, len(information.files) + 1)
+    links = [(part_path(first, number), part_path(recording_path, number)) for number in numbers]
+    try:
+        for source, path in (*links, (live, live_path)):
+            with replace_when_complete(path) as temporary:
+                os.link(source, temporary)
+    except (InputError, NotImplementedError):  # another disk, or one without links
+        return None
+    for path in stale:
+        path.unlink()
+    return recording_path, live_path
 
 
 def fetch_files(bus: Bus, information: recorder_pb2.RecordingInfo, *, folder: Path) -> tuple[Path, Path]:

@@ -30,12 +30,14 @@ class RecordingsPlace:
     """Output folder of a lab's recorder, if this process knows it.
 
     `folder`: Recorder's folder; None if it is unknown, or always deleted at the end. `passing`: Folder that is deleted
-    at the end of the lab with all its files. `goes_on`: Whether the recorder outlives this session.
+    at the end of the lab with all its files. `goes_on`: Whether the recorder outlives this session. `is_private`:
+    Whether the recorder's folder is deleted at the end of the lab, so that files of a finished recording can be linked.
     """
 
     folder: Path | None = None
     passing: Path | None = None
     goes_on: bool = False
+    is_private: bool = False
     fetched: set[str] = field(default_factory=set)
     """Ids of campaigns whose whole recording was fetched to the user's folder."""
     copies: set[str] = field(default_factory=set)
@@ -112,7 +114,7 @@ def own_recordings(out: Path | None) -> Iterator[RecordingsPlace]:
     """
     parent = Path(tempfile.mkdtemp(prefix="duralab-")) if out is None else out
     folder = _new_folder(parent)
-    place = RecordingsPlace(folder, passing=parent / "out" if out is None else None)
+    place = RecordingsPlace(folder, passing=parent / "out" if out is None else None, is_private=True)
     try:
         yield place
         if out is None and (sentences := place.unsaid()):

@@ -18,6 +18,7 @@ import signal
 import socket
 import sys
 import traceback
+from contextlib import suppress
 from importlib.util import find_spec
 from typing import Any, Final, NoReturn
 
@@ -27,8 +28,8 @@ _SHARED: Final = ("duralab_bus", "duralab_settings", "duralab_gateway", "duralab
 """Modules that most services import at their start."""
 
 _SIMULATOR: Final = "rig_sim"
-_DEAREST: Final = (_SIMULATOR, "recorder")
-"""Services with the slowest imports; these are made before the first request."""
+_AHEAD: Final = (_SIMULATOR, "recorder", "identifier", "iterator")
+"""Services of every lab, whose imports are made until the first request arrives; the slowest first."""
 
 _MATHEMATICS: Final = ("duralab_drive_map", "scipy.ndimage", "scipy.special")
 """Modules of the services that do mathematics: imported while the simulator, which needs none, loads its rigs."""
@@ -40,8 +41,7 @@ if sys.platform != "win32":  # which has no fork
         """Serve requests until the other end of the socket is closed."""
         channel = socket.socket(fileno=int(sys.argv[1]))
         channel.setblocking(False)
-        for name in _SHARED:
-            importlib.import_module(name)
+        import_shared()
         # Exclude the imported objects from garbage collection, which would copy their memory pages in each service.
         gc.collect()
         gc.freeze()
@@ -51,7 +51,7 @@ if sys.platform != "win32":  # which has no fork
         signal.set_wakeup_fd(on_child.fileno(), warn_on_full_buffer=False)
         signal.signal(signal.SIGCHLD, lambda _number, _frame: None)
         started: set[str] = set()
-        ahead = [*_DEAREST]
+        ahead = [*_AHEAD]
         with selectors.DefaultSelector() as selector:
             selector.register(channel, selectors.EVENT_READ)
             selector.register(children_end, selectors.EVENT_READ)
@@ -75,11 +75,12 @@ if sys.platform != "win32":  # which has no fork
             return False
         request, (life_line,) = json.loads(packet), ends
         name = request["name"]
-        if name in started:
-            _import_service(name)
         if name != _SIMULATOR:
             for module in _MATHEMATICS:
                 importlib.import_module(module)
+        # The first simulator makes its imports itself, beside those of the other services, which are made here once.
+        if name != _SIMULATOR or name in started:
+            _import_service(name)
         started.add(name)
         try:
             pid = os.fork()
@@ -93,6 +94,17 @@ if sys.platform != "win32":  # which has no fork
         _send(channel, {"pid": pid})
         return True
 
+    def import_shared() -> None:
+        """Make the imports that most services share."""
+        # structlog would import rich for lines in colour, which no service writes, and pydantic would read the metadata
+        # of all installed packages in search of plug-ins: a quarter of these imports.
+        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+        sys.modules["rich"] = None  # type: ignore[assignment]  (an import of it fails)
+        importlib.import_module("structlog")
+        del sys.modules["rich"]
+        for name in _SHARED:
+            importlib.import_module(name)
+
     def _import_service(name: str) -> None:
         """Import a service if it is installed, so that later forks have it imported."""
         module = f"{name}.service"
@@ -101,7 +113,9 @@ if sys.platform != "win32":  # which has no fork
         if package is None or not package.submodule_search_locations:
             return
         if module not in sys.modules and find_spec(module) is not None:
-            importlib.import_module(module)
+            # An import that fails fails again in the service, whose log then has the reason.
+            with suppress(Exception):
+                importlib.import_module(module)
             gc.collect()
             gc.freeze()
 

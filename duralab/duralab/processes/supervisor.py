@@ -145,9 +145,11 @@ class Supervisor:
         except OSError as error:
             raise InputError(f"The folder {self._logs} cannot be made: {error.strerror}; give another.") from error
         with span("start the services", SpanKind.START):
-            for plan in self._plans:
-                self._processes[plan.name] = self._spawn(plan)
+            first, *others = self._plans
+            self._processes[first.name] = self._spawn(first)
             import_in_background(*needs_later)
+            for plan in others:
+                self._processes[plan.name] = self._spawn(plan)
             self._wait(timeout_seconds)
 
     def _wait(self, timeout_seconds: float) -> None:

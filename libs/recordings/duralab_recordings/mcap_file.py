@@ -18,10 +18,9 @@ from google.protobuf.message import Message
 from mcap.reader import SeekingReader
 from mcap.records import Channel, McapRecord, Metadata, Schema
 from mcap.records import Message as McapMessage
-from mcap.summary import Summary
 
 from duralab_recordings.damage import DAMAGE, MissingFileError, RecordingError, damaged, unreadable
-from duralab_recordings.index import expect_chunk, index_reader, index_start, messages_at
+from duralab_recordings.index import expect_chunk, index_of, index_reader, index_start, messages_at
 from duralab_recordings.unfinished import MAGIC, RecordReader, end_of_records, whole_records
 from duralab_settings import open_regular
 
@@ -358,7 +357,7 @@ class _OneFile:
                 raise damaged(self.path, error) from error
 
     def _indexed(self, stream: IO[bytes], schema_name: str) -> Iterator[bytes]:
-        summary = index_reader(stream).get_summary() or Summary()
+        summary = index_of(self.path)
         schemas = {schema.id for schema in summary.schemas.values() if schema.name == schema_name}
         channels = {channel.id for channel in summary.channels.values() if channel.schema_id in schemas}
         # Only needed chunks are read, so that a damaged other one does no harm.

@@ -8,7 +8,7 @@ from pydantic import ConfigDict, Field
 
 from duralab_proto.keys import LONGEST_NAME
 
-STRICT = ConfigDict(extra="forbid", frozen=True)
+STRICT = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]

@@ -55,10 +55,6 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run a campaign or a project to its end, in a private lab or in a running one (--connect)."""
-    from duralab.processes import import_ahead
-
-    if endpoint is None:
-        import_ahead()
     from duralab.campaign import is_project, load_campaign
     from duralab.cli.commands.view import open_page, open_viewer
     from duralab.cli.run_display import conclude, follow

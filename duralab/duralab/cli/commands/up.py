@@ -43,9 +43,6 @@ def up(
     as_json: Json = False,
 ) -> None:
     """Start a lab on this machine and keep it running until Ctrl-C or `duralab down`."""
-    from duralab.processes import import_ahead
-
-    import_ahead()
     from duralab.cli.commands.view import open_page, open_viewer
     from duralab.lab import DEFAULT_RIGS, start
     from duralab.processes import noted, require_no_lab, require_shipped

@@ -14,7 +14,6 @@ from pydrake.common import value as drake_value
 from pydrake.multibody.math import SpatialForce
 from pydrake.multibody.plant import ExternallyAppliedSpatialForce, MultibodyPlant
 from pydrake.multibody.tree import BodyIndex, ForceElementIndex, LinearBushingRollPitchYaw
-from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
 from pydrake.systems.framework import BasicVector, Context, DiagramBuilder, LeafSystem
 
 from rig_sim.compile import CompiledModel, Method, Playback, compile_model
@@ -226,6 +225,9 @@ class DrakeEngine:
         self._choice = choice
         self._interval = interval
         self._effects = OwnEffects(model)
+        # A tenth of Drake's import, and few rigs are played by it.
+        from pydrake.systems.analysis import ResetIntegratorFromFlags, Simulator
+
         builder = DiagramBuilder()
         # The stubs use dtype parameters as shapes, and return a builder's content as a bare system.
         self._plant: Any = plant
