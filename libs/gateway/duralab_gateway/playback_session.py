@@ -76,7 +76,11 @@ class PlaybackSession:
             stopping=lambda seconds: self._must_end(call, seconds),
             waiting=self._wait_for,
         )
-        playback = self._rig.playback(drive, run)
+        try:
+            playback = self._rig.playback(drive, run)
+        except RigFaultError as error:
+            self._latch(str(error).rstrip("."))
+            raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"Nothing was played: {error}") from error
         rate, limit = self._rate, self._description.block_samples
         # Blocks of a playback that is faster than real time are published together: each message costs the bus and the
         # recorder far more than its content, and these few milliseconds are not visible. Every block is monitored.

@@ -13,6 +13,7 @@ from duralab_gateway import PlaybackRig, Run
 from duralab_gateway.motion import DrivePlayback, RigFaultError, to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import array_pb2, rig_pb2
+from rig_sim.checks import ProofError
 from rig_sim.loading import PlayableRig
 from rig_sim.playing import Lost, Playback, Rig, WearFile, WearState, gain_changes, lost_by
 from rig_sim.specimen import InputChannel, Quantity
@@ -89,10 +90,23 @@ class SimulatedRig(PlaybackRig):
 
     def playback(self, drive: np.ndarray, run: Run) -> DrivePlayback:
         """Return a playback of a checked drive."""
+        self.prove()
         if not isinstance(self._rig, Rig) or not self._rig.wears:
             return self._rig.playback(drive, seed=run.seed)
         condition = self._rig.condition(self.wear)
         return self._rig.playback(drive, seed=run.seed, condition=condition, at_end=self._wear_on)
+
+    def prove(self) -> None:
+        """Wait for the proof of a multibody rig; raises `RigFaultError` if it must not play."""
+        if isinstance(self._rig, Rig):
+            try:
+                self._rig.late_proof.result()
+            except ProofError as error:
+                raise RigFaultError(str(error)) from error
+
+    def reset(self) -> None:
+        """Refuse a reset of a rig that must not play."""
+        self.prove()
 
     def follow_wear(self, metrics: Metrics) -> None:
         """Register gauges of the wear, if there is any."""

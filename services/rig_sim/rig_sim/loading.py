@@ -63,6 +63,8 @@ def load_any_rig(
     engines: Mapping[str, EngineChoice] | None = None,
     faults: Mapping[str, Sequence[Fault]] | None = None,
     mounted: Mapping[str, str] | None = None,
+    *,
+    prove_later: bool = False,
 ) -> PlayableRig:
     """Load a rig of any kind from its YAML.
 
@@ -76,6 +78,8 @@ def load_any_rig(
         Faults to inject, by the rig's name. A structure and an FMU take those of sensors.
     mounted : mapping, optional
         Name of the mounted specimen, by the rig's name. Only for a rig that wears.
+    prove_later : bool
+        As for `load_rig`.
 
     Returns
     -------
@@ -97,6 +101,7 @@ def load_any_rig(
             (engines or {}).get(name, EngineChoice()),
             faults=injected,
             mounted=(mounted or {}).get(name, FIRST_SPECIMEN),
+            prove_later=prove_later,
         )
         if name in (mounted or {}) and not rig.wears:
             raise _does_not_wear(path, name)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from threading import Thread
 from typing import Self
 
 import structlog
@@ -20,6 +21,7 @@ from duralab_gateway import (
     require_served,
     serve_refusal,
 )
+from duralab_gateway.motion import RigFaultError
 from rig_sim.bus import SimulatedRig
 from rig_sim.engines import EngineChoice
 from rig_sim.loading import load_any_rig, rigs_by_name
@@ -82,28 +84,30 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
     """
     log = structlog.get_logger(SERVICE)
     servers: list[RigServer] = []
+    unproven: list[tuple[RigServer, SimulatedRig]] = []
     refused: dict[str, str] = {}
     spools = open_spools(bus, config)
     try:
         for name, path in find_rigs(config).items():
             try:
                 rig = SimulatedRig(
-                    load_any_rig(path, config.engines, config.faults, config.mounted), wear_folder=config.wear_folder
+                    load_any_rig(path, config.engines, config.faults, config.mounted, prove_later=True),
+                    wear_folder=config.wear_folder,
                 )
             except (ValueError, RuntimeError, ArithmeticError, LookupError) as error:
                 refused[name] = str(error)
                 continue
             rig.follow_wear(bus.metrics)
-            servers.append(
-                RigServer(
-                    bus,
-                    rig,
-                    spools,
-                    spool_wait_seconds=config.spool_wait_seconds,
-                    real_time=config.real_time,
-                    channels=config.channels.get(name, ChannelTable()),
-                )
+            server = RigServer(
+                bus,
+                rig,
+                spools,
+                spool_wait_seconds=config.spool_wait_seconds,
+                real_time=config.real_time,
+                channels=config.channels.get(name, ChannelTable()),
             )
+            servers.append(server)
+            unproven.append((server, rig))
             # Last: a client that sees a rig may query it.
             bus.declare_live(SERVICE, name)
         if not servers:
@@ -112,7 +116,19 @@ def serve(bus: Bus, config: RigSimConfig) -> Iterator[list[RigServer]]:
             log.error("refused", rig=name, reason=reason)
             serve_refusal(bus, name, reason)
             bus.declare_live(SERVICE, name)
+        # A rig describes itself before it is proven; a run waits for the proof.
+        proving = Thread(target=_prove, args=(unproven,), name="rig_sim-proof", daemon=True)
+        proving.start()
         yield servers
     finally:
         for server in servers:
             server.close()
+
+
+def _prove(unproven: list[tuple[RigServer, SimulatedRig]]) -> None:
+    """Prove rigs against Drake; latch one that disagrees, for as long as this process serves it."""
+    for server, rig in unproven:
+        try:
+            rig.prove()
+        except RigFaultError as error:
+            server.stop(str(error).rstrip("."))

@@ -57,7 +57,6 @@ def run(
     """Run a campaign or a project to its end, in a private lab or in a running one (--connect)."""
     from duralab.campaign import is_project, load_campaign
     from duralab.cli.commands.view import open_page, open_viewer
-    from duralab.cli.run_display import conclude, follow
     from duralab.lab import DEFAULT_RIGS
     from duralab.output_files import OUTPUTS, require_outputs
     from duralab.processes import require_shipped
@@ -100,10 +99,12 @@ def run(
                 out=folder,
                 viewer=address,
                 trace_folder=traces,
-                # Of some steps of the target's editor, which run as soon as the lab stands.
-                needs_later=("scipy.signal",) if plan.target.edit else (),
+                # The second is of some steps of the target's editor, which run as soon as the lab stands.
+                needs_later=("duralab.cli.run_display", *(("scipy.signal",) if plan.target.edit else ())),
             )
         )
+        from duralab.cli.run_display import conclude, follow
+
         if page:
             open_page(stack, output, lab, folder=folder, viewer=viewer)
         where = f"the lab at {endpoint}" if endpoint is not None else f"a private lab at {lab.endpoints[0]}"

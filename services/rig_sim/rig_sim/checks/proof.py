@@ -7,8 +7,9 @@ states (hydraulics, rubber, tyres), which are not in Drake, are compared with pl
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from threading import Lock
 from typing import Any, cast
 
 import numpy as np
@@ -38,6 +39,30 @@ class Proof:
     force_error: float
     element_rate_error: float
     states: int
+
+
+class LateProof:
+    """Proof that is made at its first use, on whichever thread that is; a failed one is raised at every use.
+
+    `prove`: Makes it.
+    """
+
+    def __init__(self, prove: Callable[[], Proof]) -> None:
+        self._prove = prove
+        self._lock = Lock()
+        self._made: Proof | ProofError | None = None
+
+    def result(self) -> Proof:
+        """Return the proof; raises `ProofError` if the player must not play."""
+        with self._lock:
+            if self._made is None:
+                try:
+                    self._made = self._prove()
+                except ProofError as error:
+                    self._made = error
+        if isinstance(self._made, ProofError):
+            raise self._made
+        return self._made
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from duralab_gateway.motion import Block, RigFaultError, Use, Watchdog, when
-from rig_sim.checks import Proof, check_stability, check_step, find_equilibrium, linearise, prove
+from rig_sim.checks import LateProof, Proof, check_stability, check_step, find_equilibrium, linearise, prove
 from rig_sim.compile import CompiledModel, Run, Steps, cached_model, compile_model
 from rig_sim.compile import Playback as Played
 from rig_sim.engines import DrakeEngine, Engine, EngineChoice, Player
@@ -134,8 +134,8 @@ class Rig:
         Engine that integrates them.
     player : Player
         Running engine that advances a playback.
-    proof : Proof
-        Largest differences between the equations and Drake's.
+    late_proof : LateProof
+        Comparison of the equations with Drake's; see `proof`.
     rest : ndarray, shape (states,)
         State at rest with all drives zero; every playback starts here.
     static_response : ndarray, shape (responses,)
@@ -159,7 +159,7 @@ class Rig:
     compiled: CompiledModel
     engine: EngineChoice
     player: Player
-    proof: Proof
+    late_proof: LateProof
     rest: np.ndarray
     static_response: np.ndarray
     content_hash: str
@@ -168,6 +168,11 @@ class Rig:
     watchdogs: tuple[Watchdog, ...] = ()
     faults: tuple[Fault, ...] = ()
     mounted: str = FIRST_SPECIMEN
+
+    @property
+    def proof(self) -> Proof:
+        """Largest differences between the equations and Drake's; raises `ProofError` if they are too large to play."""
+        return self.late_proof.result()
 
     @property
     def engine_name(self) -> str:
@@ -215,7 +220,13 @@ class Rig:
         -------
         Playback
             Playback whose blocks have to be iterated over.
+
+        Raises
+        ------
+        ProofError
+            The code disagrees with Drake; see `proof`, which is waited for.
         """
+        self.late_proof.result()
         return Playback(self, drive, seed=seed, condition=condition or self._as_new, at_end=at_end)
 
     @property
@@ -306,6 +317,7 @@ def load_rig(
     *,
     faults: Sequence[Fault] = (),
     mounted: str = FIRST_SPECIMEN,
+    prove_later: bool = False,
 ) -> Rig:
     """Load a rig from its YAML: read, assemble, compile, prove, find the rest; then create its engine.
 
@@ -319,6 +331,8 @@ def load_rig(
         Faults injected for tests and rehearsals.
     mounted : str
         Name of the mounted specimen of its kind; part of the content hash if it wears.
+    prove_later : bool
+        Whether the proof is made at its first use, at the latest by the first playback.
 
     Returns
     -------
@@ -354,14 +368,21 @@ def load_rig(
         ),
     )
     # Also for code from the cache: the content of a file may be wrong.
-    proof = prove(model, compiled, plant)
+    late_proof = LateProof(lambda: prove(model, compiled, plant))
+    if not prove_later or engine.engine is Engine.DRAKE:  # Drake's engine takes the plant over
+        late_proof.result()
     still = np.zeros(len(model.input_names))
-    rest = _checked_rest(model, compiled, still, engine)
-    if model.assembly.wearing:
-        # A specimen that cannot be played at the end of its life is refused now, not after weeks.
-        failed = WearState(damage={part.name: sys.float_info.max for part in model.assembly.wearing})
-        lost = lost_inputs(model, lost_by(model.assembly.wearing, failed))
-        _checked_rest(model, compiled, np.concatenate([still[: len(model.drive_names)], lost]), engine)
+    try:
+        rest = _checked_rest(model, compiled, still, engine)
+        if model.assembly.wearing:
+            # A specimen that cannot be played at the end of its life is refused now, not after weeks.
+            failed = WearState(damage={part.name: sys.float_info.max for part in model.assembly.wearing})
+            lost = lost_inputs(model, lost_by(model.assembly.wearing, failed))
+            _checked_rest(model, compiled, np.concatenate([still[: len(model.drive_names)], lost]), engine)
+    except (ValueError, RuntimeError, ArithmeticError):
+        # Wrong code is the better reason.
+        late_proof.result()
+        raise
     static = compiled.outputs(rest, still)[: len(specimen.responses)]
     followed = [element.name for element in model.assembly.elements if isinstance(element, HydraulicActuator)]
     player = DrakeEngine(model, plant, engine) if engine.engine is Engine.DRAKE else compiled
@@ -371,7 +392,7 @@ def load_rig(
         compiled=compiled,
         engine=engine,
         player=player,
-        proof=proof,
+        late_proof=late_proof,
         rest=rest,
         static_response=static,
         content_hash=content_hash(

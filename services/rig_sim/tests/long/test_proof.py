@@ -6,6 +6,9 @@ import json
 import numpy as np
 import pytest
 
+import duralab_bus
+from duralab_gateway import SERVICE
+from duralab_proto.v1 import rig_pb2
 from rig_sim import load_any_rig
 from rig_sim.checks.proof import ProofError, drake_answers, prove, random_state
 from rig_sim.compile import FOLDER_VARIABLE
@@ -13,7 +16,9 @@ from rig_sim.compile.model import compile_model
 from rig_sim.model.assembly import assemble
 from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.drake_reader import load_plant, read_tree
+from rig_sim.service import RigSimConfig, serve
 from rig_sim.specimen.specimen import shipped_specimens
+from served_rig import RIG, Client, wave
 
 
 def compiled(model):
@@ -146,7 +151,8 @@ def test_kept_poses_of_another_rig_are_refused(tmp_path, monkeypatch):
         load_any_rig(shipped_specimens()[names[0]])
 
 
-def test_kept_code_of_another_rig_does_not_play(tmp_path, monkeypatch):
+@pytest.fixture
+def exchanged(tmp_path, monkeypatch):
     """The folder of kept code holds two rigs with the same names of states; their files are exchanged."""
     monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path / "code"))
     names = ("front_axle", "front_axle_compliant")
@@ -154,9 +160,31 @@ def test_kept_code_of_another_rig_does_not_play(tmp_path, monkeypatch):
     contents = [file.read_bytes() for file in files]
     for file, content in zip(files, reversed(contents), strict=True):
         file.write_bytes(content)
-    for name in names:
+    return names
+
+
+def test_kept_code_of_another_rig_does_not_play(exchanged):
+    for name in exchanged:
         with pytest.raises(ProofError, match="must not play"):
             load_any_rig(shipped_specimens()[name])
+
+
+@pytest.mark.usefixtures("exchanged")
+def test_a_rig_that_is_proven_late_describes_itself_and_never_moves():
+    rig = load_any_rig(shipped_specimens()[RIG], prove_later=True)
+    for _ in range(2):
+        with pytest.raises(ProofError, match="must not play"):
+            rig.playback(wave(1.0), seed=1)
+    with duralab_bus.open_bus(service=SERVICE) as bus, serve(bus, RigSimConfig(rigs=(RIG,))):
+        client = Client(bus)
+        assert client.told.rig == RIG
+        # The run waits for the proof, if that is not done yet.
+        assert "must not play" in client.fault("a", wave(1.0)).message
+        assert client.state().mode == rig_pb2.RIG_MODE_INTERLOCKED
+        assert "the player disagrees with Drake at" in client.state().reason
+        with pytest.raises(duralab_bus.FaultError, match=f"{RIG} cannot be reset: the player disagrees with Drake"):
+            client.reset()
+        assert not client.blocks
 
 
 def test_code_of_a_structure_with_other_constants_does_not_play(tmp_path, monkeypatch):
