@@ -41,10 +41,10 @@ if sys.platform != "win32":  # which has no fork
         """Serve requests until the other end of the socket is closed."""
         channel = socket.socket(fileno=int(sys.argv[1]))
         channel.setblocking(False)
+        # What is imported is never garbage. Each service collects its own, without the imported objects, whose memory
+        # pages a collection would copy.
+        gc.disable()
         import_shared()
-        # Exclude the imported objects from garbage collection, which would copy their memory pages in each service.
-        gc.collect()
-        gc.freeze()
         children_end, on_child = socket.socketpair()
         for end in (children_end, on_child):
             end.setblocking(False)
@@ -82,6 +82,7 @@ if sys.platform != "win32":  # which has no fork
         if name != _SIMULATOR or name in started:
             _import_service(name)
         started.add(name)
+        gc.freeze()
         try:
             pid = os.fork()
         except OSError as error:
@@ -116,8 +117,6 @@ if sys.platform != "win32":  # which has no fork
             # An import that fails fails again in the service, whose log then has the reason.
             with suppress(Exception):
                 importlib.import_module(module)
-            gc.collect()
-            gc.freeze()
 
     def _tell_ended(channel: socket.socket) -> None:
         while True:
@@ -142,6 +141,7 @@ if sys.platform != "win32":  # which has no fork
     def _become_service(request: dict[str, Any], life_line: int, inherited: tuple[socket.socket, ...]) -> NoReturn:
         """Run a service in this process, as `python -m NAME --config FILE` does, and end it."""
         code = 1
+        gc.enable()
         try:
             signal.set_wakeup_fd(-1)
             signal.signal(signal.SIGCHLD, signal.SIG_DFL)
