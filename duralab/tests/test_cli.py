@@ -18,7 +18,7 @@ from test_campaign_file import changed
 from test_supervisor import alive, wait_until_gone
 from typer.testing import CliRunner
 
-from duralab import Channel, Signals
+from duralab import Channel, Signals, cli, processes
 from duralab.cli.application import app
 from duralab.cli.run_display import remaining_words, shown_playbacks
 from duralab.formats import write_signals
@@ -384,3 +384,22 @@ def test_terminated_lab_ends_its_services(running_lab):
     assert code == 143
     assert stderr == "Terminated; everything that was started is ended.\n"
     assert wait_until_gone(pids, seconds=0.0) == []
+
+
+@pytest.mark.parametrize(
+    ("line", "begins"),
+    [
+        ("run front_axle_demo", True),
+        ("up --rig front_axle", True),
+        ("run front_axle_demo --connect tcp/127.0.0.1:7474", False),
+        ("run front_axle_demo --connect=tcp/127.0.0.1:7474", False),
+        ("up --help", False),
+        ("rigs", False),
+        ("", False),
+    ],
+)
+def test_the_imports_of_a_private_lab_begin_with_the_command(monkeypatch, line, begins):
+    begun = []
+    monkeypatch.setattr(processes, "import_ahead", lambda: begun.append(True), raising=False)
+    cli._import_ahead(line.split())
+    assert bool(begun) is begins

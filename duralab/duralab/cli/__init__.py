@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import atexit
 import gc
+import os
 import sys
 from io import TextIOWrapper
 
@@ -15,6 +16,8 @@ def main() -> None:
     # Before anything is imported that an older Python cannot even read.
     if (fault := python_fault(sys.version_info[:3])) is not None:
         sys.exit(f"Error: {fault[:-1]}; install one, and make the environment with it.")
+    # pydantic would read the metadata of all installed packages in search of plug-ins.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     _import_ahead(sys.argv[1:])
     from duralab.cli.application import app
 

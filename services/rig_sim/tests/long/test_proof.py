@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from served_rig import RIG, Client, wave
 
 import duralab_bus
 from duralab_gateway import SERVICE
@@ -18,7 +19,6 @@ from rig_sim.model.rig_model import RigModel
 from rig_sim.multibody.drake_reader import load_plant, read_tree
 from rig_sim.service import RigSimConfig, serve
 from rig_sim.specimen.specimen import shipped_specimens
-from served_rig import RIG, Client, wave
 
 
 def compiled(model):
