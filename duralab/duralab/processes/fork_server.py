@@ -100,9 +100,10 @@ if sys.platform != "win32":  # which has no fork
         # structlog would import rich for lines in colour, which no service writes, and pydantic would read the metadata
         # of all installed packages in search of plug-ins: a quarter of these imports.
         os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
-        sys.modules["rich"] = None  # type: ignore[assignment]  (an import of it fails)
+        sys.modules.setdefault("rich", None)  # type: ignore[arg-type]  (an import of it fails)
         importlib.import_module("structlog")
-        del sys.modules["rich"]
+        if sys.modules["rich"] is None:
+            del sys.modules["rich"]
         for name in _SHARED:
             importlib.import_module(name)
 

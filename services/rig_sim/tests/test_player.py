@@ -9,6 +9,7 @@ import pytest
 
 import rig_sim.playing.player
 from rig_sim import RigFaultError
+from rig_sim.checks import LateProof, ProofError
 
 TIME = np.arange(1234) / 1000.0
 
@@ -198,3 +199,18 @@ def test_use_says_how_much_of_the_load_pressure_and_of_the_supply_was_left(quiet
     share = moved["left_vertical"].largest_load_pressure_share
     assert at_rest["left_vertical"].largest_load_pressure_share < share < 1.0
     assert {use.lowest_supply_pressure for use in moved.values()} == {supply.supply_pressure}
+
+
+@pytest.mark.parametrize("error", [ProofError("the player disagrees."), ValueError("a shape is wrong")])
+def test_a_late_proof_is_made_once_and_a_failed_one_is_raised_at_every_use(error):
+    made = []
+
+    def prove():
+        made.append(True)
+        raise error
+
+    late = LateProof(prove)
+    for _ in range(2):
+        with pytest.raises(ProofError, match=str(error)):
+            late.result()
+    assert len(made) == 1

@@ -60,6 +60,8 @@ class LateProof:
                     self._made = self._prove()
                 except ProofError as error:
                     self._made = error
+                except (ValueError, RuntimeError, ArithmeticError, LookupError) as error:
+                    self._made = ProofError(f"the proof against Drake failed ({error}), so this rig must not play.")
         if isinstance(self._made, ProofError):
             raise self._made
         return self._made
