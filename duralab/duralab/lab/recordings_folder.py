@@ -30,7 +30,7 @@ class RecordingsPlace:
     """Output folder of a lab's recorder, if this process knows it.
 
     `folder`: Recorder's folder; None if it is unknown, or always deleted at the end. `passing`: Folder that is deleted
-    at the end of the lab with all its files. `goes_on`: Whether the recorder outlives this session. `is_private`:
+    at the end of the lab with all its files. `goes_on`: Whether the recorder outlives this process. `is_private`:
     Whether the recorder's folder is deleted at the end of the lab, so that files of a finished recording can be linked.
     """
 
