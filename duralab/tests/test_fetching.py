@@ -135,7 +135,7 @@ def test_the_files_of_a_private_lab_are_linked_and_no_byte_is_copied(tmp_path):
 
 
 def test_a_lab_that_keeps_its_recordings_gives_copies(tmp_path):
-    """Whoever changes a file of his results would change the lab's."""
+    """A user who edits a linked file would edit the recording of the lab."""
     (tmp_path / "recordings").mkdir()
     place = RecordingsPlace(tmp_path / "recordings")
     recorder = handed_over(place, tmp_path / "out", files=("demo.mcap", "demo.part02.mcap", "demo.rrd"))

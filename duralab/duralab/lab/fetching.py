@@ -123,8 +123,11 @@ def _link_files(
     The recorder does not write to them again, and its folder is deleted at the end of the lab.
     """
     recording_path, live_path = folder / "recording.mcap", folder / "live.rrd"
-    first = place.file(information.recording) if place.is_private else None
-    if first is None or not (live := first.with_suffix(live_path.suffix)).is_file():
+    first = place.file(information.recording)
+    if first is None or not place.is_private:
+        return None
+    live = first.with_suffix(live_path.suffix)
+    if not live.is_file():
         return None
     stale = [path for number, path in parts_beside(recording_path).items() if number > len(information.files)]
     numbers = range(1, len(information.files) + 1)
@@ -133,7 +136,7 @@ def _link_files(
         for source, path in (*links, (live, live_path)):
             with replace_when_complete(path) as temporary:
                 os.link(source, temporary)
-    except (InputError, NotImplementedError):  # another disk, or one without links
+    except InputError:  # another disk, or one without links: the files are fetched over the bus
         return None
     for path in stale:
         path.unlink()

@@ -99,7 +99,7 @@ def run(
                 out=folder,
                 viewer=address,
                 trace_folder=traces,
-                # The second is of some steps of the target's editor, which run as soon as the lab stands.
+                # Some steps of the target's editor need scipy.signal, and they run as soon as the lab is up.
                 needs_later=("duralab.cli.run_display", *(("scipy.signal",) if plan.target.edit else ())),
             )
         )

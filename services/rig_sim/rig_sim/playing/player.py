@@ -380,7 +380,7 @@ def load_rig(
             lost = lost_inputs(model, lost_by(model.assembly.wearing, failed))
             _checked_rest(model, compiled, np.concatenate([still[: len(model.drive_names)], lost]), engine)
     except (ValueError, RuntimeError, ArithmeticError):
-        # Wrong code is the better reason.
+        # If the code is wrong, that is the reason to report.
         late_proof.result()
         raise
     static = compiled.outputs(rest, still)[: len(specimen.responses)]
