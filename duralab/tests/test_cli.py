@@ -254,7 +254,7 @@ def test_interrupt_stops_the_campaign_and_ends_the_lab(fake_services, tmp_path, 
     assert len(started) == 4
     process.send_signal(signal.SIGINT)
     code, _, stderr = finish(process)
-    assert code == 130
+    assert code == 130, stderr
     kept = tmp_path / "out" / "recording.mcap"
     assert stderr == (
         "Interrupted; everything that was started is ended. "

@@ -212,6 +212,30 @@ def test_a_shell_completes_commands_options_and_shipped_campaigns():
     assert completed("duralab run front") == ["front_axle_demo"]
 
 
+def test_a_command_ends_with_its_code_after_all_that_waits_for_the_exit_and_without_the_interpreters_own_end():
+    code = """
+import atexit, sys
+from duralab.cli import main
+
+class Module:
+    def __del__(self):
+        print("searched")
+
+kept = Module()
+atexit.register(print, "before the command")
+try:
+    sys.argv = ["duralab", *sys.argv[1:]]
+    main()
+finally:
+    atexit.register(print, "written")
+"""
+    for arguments, expected in ((["--version"], 0), (["--nonsense"], 2)):
+        command = [sys.executable, "-c", code, *arguments]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == expected
+        assert done.stdout.splitlines()[-1] == "written"
+
+
 def test_an_old_python_is_told_so():
     assert python_fault((3, 11, 0)) is None
     assert python_fault((3, 10, 12)) == "This is Python 3.10.12; duralab needs 3.11 or later."

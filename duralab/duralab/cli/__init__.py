@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import atexit
-import gc
 import os
 import sys
 from io import TextIOWrapper
@@ -13,6 +12,20 @@ def main() -> None:
     """Run the command line."""
     from duralab.python_version import python_fault
 
+    code: str | int | None = 1
+
+    def leave() -> None:
+        # Everything is closed and written. A thread that still imports something, or one of a native library that wants
+        # Python's lock, would sometimes abort the interpreter's normal end; and that end would search all imported
+        # objects for garbage, which takes up to a third of a second.
+        for stream in (sys.stdout, sys.stderr):
+            if isinstance(stream, TextIOWrapper):
+                stream.flush()
+        if code is None or isinstance(code, int):
+            os._exit(code or 0)
+
+    # Before all imports: what is registered first is called last.
+    atexit.register(leave)
     # Before anything is imported that an older Python cannot even read.
     if (fault := python_fault(sys.version_info[:3])) is not None:
         sys.exit(f"Error: {fault[:-1]}; install one, and make the environment with it.")
@@ -25,9 +38,11 @@ def main() -> None:
         if isinstance(stream, TextIOWrapper):
             # A terminal that has no ★ shows a question mark; a table is no reason for a traceback.
             stream.reconfigure(errors="replace")
-    # The end of the process would search all imported objects for garbage, which takes up to a third of a second.
-    atexit.register(gc.freeze)
-    app()
+    try:
+        app()
+    except SystemExit as ended:
+        code = ended.code
+        raise
 
 
 def _import_ahead(arguments: list[str]) -> None:
