@@ -12,17 +12,18 @@ def main() -> None:
     """Run the command line."""
     from duralab.python_version import python_fault
 
-    code: str | int | None = 1
+    code: str | int | None = None
 
     def leave() -> None:
+        if not isinstance(code, int):
+            return  # What was not foreseen ends as Python ends it, with a traceback and a code of its own.
         # Everything is closed and written. A thread that still imports something, or one of a native library that wants
         # Python's lock, would sometimes abort the interpreter's normal end; and that end would search all imported
         # objects for garbage, which takes up to a third of a second.
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):
                 stream.flush()
-        if code is None or isinstance(code, int):
-            os._exit(code or 0)
+        os._exit(code)
 
     # Before all imports: what is registered first is called last.
     atexit.register(leave)
