@@ -11,8 +11,8 @@ from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign import plan_campaign
 
-from .killable_lab import killable_lab, killed_at, playbacks, resumed
-from .linear_rig import description, experiment_plan, specification
+from ..killable_lab import killable_lab, killed_at, playbacks, resumed
+from ..linear_rig import description, experiment_plan, specification
 
 EACH = iterator_pb2.HoldSettings(when=iterator_pb2.HOLD_POINT_EACH)
 FIRST = iterator_pb2.HoldSettings(when=iterator_pb2.HOLD_POINT_FIRST)

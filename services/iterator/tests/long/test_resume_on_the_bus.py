@@ -10,8 +10,8 @@ from duralab_bus import FaultError
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 
-from .killable_lab import killable_lab, killed_at, playbacks, resumed
-from .linear_rig import specification
+from ..killable_lab import killable_lab, killed_at, playbacks, resumed
+from ..linear_rig import specification
 
 ITERATIONS = 3
 # Specification, rig, target, and for each of identification and playbacks: planned, result, played; status, end.

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from .faults.file_faults import pairs_of_faults, perform, single_faults
+from ..faults.file_faults import pairs_of_faults, perform, single_faults
 
 
 def test_a_clean_response_is_taken_as_it_was_played(tmp_path: Path):

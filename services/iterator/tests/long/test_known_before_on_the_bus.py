@@ -11,8 +11,8 @@ from duralab_proto.arrays import from_array, to_array
 from duralab_proto.contents import content_hash
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2
 
-from .killable_lab import killable_lab, killed_at, playbacks, resumed
-from .linear_rig import exact_model, experiment_plan, specification
+from ..killable_lab import killable_lab, killed_at, playbacks, resumed
+from ..linear_rig import exact_model, experiment_plan, specification
 
 ITERATIONS = 2
 HOUR = 3_600_000_000_000
