@@ -16,7 +16,7 @@ def main() -> None:
 
     def leave() -> None:
         if not isinstance(code, int):
-            return  # What was not foreseen ends as Python ends it, with a traceback and a code of its own.
+            return  # An unforeseen error: Python ends with a traceback and its own code.
         # Everything is closed and written. A thread that still imports something, or one of a native library that wants
         # Python's lock, would sometimes abort the interpreter's normal end; and that end would search all imported
         # objects for garbage, which takes up to a third of a second.
