@@ -17,9 +17,8 @@ def main() -> None:
     def leave() -> None:
         if not isinstance(code, int):
             return  # An unforeseen error: Python ends with a traceback and its own code.
-        # Everything is closed and written. A thread that still imports something, or one of a native library that wants
-        # Python's lock, would sometimes abort the interpreter's normal end; and that end would search all imported
-        # objects for garbage, which takes up to a third of a second.
+        # Everything is closed and written. The interpreter's normal end can abort while a thread still imports a module
+        # or a native library waits for Python's lock, and its search for garbage takes up to a third of a second.
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):
                 stream.flush()
