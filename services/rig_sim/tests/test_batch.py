@@ -170,3 +170,18 @@ def test_lanes_that_disagree_with_the_single_rig_must_not_play(cars, monkeypatch
     monkeypatch.setattr(LaneModel, "evaluate", evaluate)
     with pytest.raises(ProofError, match="the player disagrees with that of the single rig at"):
         check_lanes(model, proven)
+
+
+def test_lanes_are_proven_once_for_the_same_rigs(cars, monkeypatch):
+    proofs = []
+
+    def check(lanes, rigs):
+        proofs.append(len(rigs))
+        return check_lanes(lanes, rigs)
+
+    monkeypatch.setattr(rig_sim.playing.batch, "widest_lanes", lambda: 4)
+    monkeypatch.setattr(rig_sim.playing.batch, "check_lanes", check)
+    rig_sim.playing.batch._lane_model.cache_clear()
+    for names in (("plain", "heavy", "stiff"), ("plain", "heavy", "stiff"), ("heavy", "plain", "stiff")):
+        play_batch([cars[name].playback(drive(1, samples=50), seed=1) for name in names])
+    assert proofs == [3, 3]

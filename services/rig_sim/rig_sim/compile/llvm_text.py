@@ -49,9 +49,14 @@ class Kind:
 
     @property
     def attributes(self) -> str:
-        """Attributes of a function of this kind: registers of 512 bits are not used by default on every processor."""
+        """Attributes of a function of this kind.
+
+        The stack is aligned to more than 16 bytes where vectors are longer: else each spilled one crosses a cache line.
+        Registers of 512 bits are not used by default on every processor.
+        """
         bits = 64 * self.lanes
-        return f' "min-legal-vector-width"="{bits}" "prefer-vector-width"="{bits}"' if bits > 256 else ""
+        aligned = ' "stackrealign"' if bits > 128 else ""
+        return f'{aligned} "min-legal-vector-width"="{bits}" "prefer-vector-width"="{bits}"' if bits > 256 else aligned
 
     def constant(self, value: str, *, element: str = SCALAR) -> str:
         """Write one literal in every lane."""
