@@ -136,9 +136,9 @@ def roll_pitch_yaw_rates(angles: Array) -> Array:
     """Return N (3, 3): rates of roll, pitch, yaw = N @ angular velocity in the parent's axes."""
     c1, s1 = cos(angles[1]), sin(angles[1])
     c2, s2 = cos(angles[2]), sin(angles[2])
-    inverse = 1.0 / c1  # A division takes as long as eight products.
-    roll = c2 * inverse, s2 * inverse
-    return np.array([[*roll, 0.0], [-s2, c2, 0.0], [s1 * roll[0], s1 * roll[1], 1.0]])
+    inverse = 1.0 / c1  # A division takes as long as several products.
+    tangent = s1 * inverse
+    return np.array([[c2 * inverse, s2 * inverse, 0.0], [-s2, c2, 0.0], [c2 * tangent, s2 * tangent, 1.0]])
 
 
 def quaternion_rate(q: Array, angular_velocity: Array) -> Array:
