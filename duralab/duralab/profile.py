@@ -27,7 +27,7 @@ _SHOWN: Final = {
     SpanKind.PLAYBACK: "playback by the rig",
     SpanKind.MATHEMATICS: "mathematics",
     SpanKind.REPORT: "writing the report",
-    SpanKind.START: "starting programs and services",
+    SpanKind.START: "starting and stopping the services",
     SpanKind.DISK: "writing and reading recordings",
     SpanKind.SERVICE: "other work of the services",
     SpanKind.WAITING: "waiting for one another",
@@ -104,8 +104,8 @@ class Profile:
         began, ended = self.period
         wall = ended - began
         shares = sorted(self.shares(began, ended).items(), key=lambda share: -share[1])
-        rows = [f"{_SHOWN[kind]:<32} {seconds:7.2f} s  {seconds / wall:6.1%}" for kind, seconds in shares]
-        return "\n".join([f"{'from first to last':<32} {wall:7.2f} s", *rows])
+        rows = [f"{_SHOWN[kind]:<34} {seconds:7.2f} s  {seconds / wall:6.1%}" for kind, seconds in shares]
+        return "\n".join([f"{'from first to last':<34} {wall:7.2f} s", *rows])
 
 
 @contextmanager

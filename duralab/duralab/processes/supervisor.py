@@ -205,8 +205,9 @@ class Supervisor:
     def stop(self) -> None:
         """End all services within a few seconds, by force if necessary."""
         *first, last = (plan.name for plan in self._plans)
-        for names in (first, [last]):
-            self._end([self._processes[name] for name in names if name in self._processes])
+        with span("stop the services", SpanKind.START):
+            for names in (first, [last]):
+                self._end([self._processes[name] for name in names if name in self._processes])
         shutil.rmtree(self._configs, ignore_errors=True)
 
     @staticmethod
