@@ -1,22 +1,42 @@
 """The file of accounts: made by a command, checked when it is read."""
 
+import io
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import pytest
 from pydantic import ValidationError
 
 from duralab_bus import ConfigError
 from operator_page.accounts import PageRole, read_accounts
+from operator_page.add_account import main
 from operator_page.config import PageConfig
 
 
-def add(file, *arguments, password="a long password"):
-    command = [sys.executable, "-m", "operator_page.add_account", str(file), *arguments]
-    return subprocess.run(command, input=f"{password}\n", capture_output=True, text=True, check=False)
+@pytest.fixture
+def add(monkeypatch, capsys):
+    """Return the command, run in this process: code and what it says."""
+
+    def run(file, *arguments, password="a long password"):
+        monkeypatch.setattr("sys.argv", ["add_account", str(file), *arguments])
+        monkeypatch.setattr("sys.stdin", io.StringIO(f"{password}\n"))
+        try:
+            code = main()
+        except SystemExit as ended:
+            code = ended.code
+        return SimpleNamespace(returncode=code, stderr=capsys.readouterr().err)
+
+    return run
 
 
-def test_an_account_is_added_and_replaced_and_its_password_is_nowhere(tmp_path):
+def test_the_command_adds_an_account(tmp_path):
+    command = [sys.executable, "-m", "operator_page.add_account", str(tmp_path / "accounts.yaml"), "Ada", "operator"]
+    subprocess.run(command, input="a long password\n", capture_output=True, text=True, check=True)
+    assert read_accounts(tmp_path / "accounts.yaml").role_of("Ada", "a long password") is PageRole.OPERATOR
+
+
+def test_an_account_is_added_and_replaced_and_its_password_is_nowhere(tmp_path, add):
     file = tmp_path / "accounts.yaml"
     assert add(file, "Ada Lovelace", "operator").returncode == 0
     assert add(file, "Vera", "viewer", password="something else").returncode == 0
@@ -31,7 +51,7 @@ def test_an_account_is_added_and_replaced_and_its_password_is_nowhere(tmp_path):
     assert file.stat().st_mode & 0o077 == 0
 
 
-def test_an_account_may_have_a_certificate_and_keeps_its_password(tmp_path):
+def test_an_account_may_have_a_certificate_and_keeps_its_password(tmp_path, add):
     file = tmp_path / "accounts.yaml"
     assert add(file, "Ada", "operator", "--certificate", "operator.anna").returncode == 0
     assert read_accounts(file).certificates == {"operator.anna": "Ada"}
@@ -62,7 +82,7 @@ def test_an_account_may_have_a_certificate_and_keeps_its_password(tmp_path):
         (("Ada", "boss"), "a long password", "invalid choice: 'boss'"),
     ],
 )
-def test_what_is_not_allowed_is_refused_and_writes_nothing(tmp_path, arguments, password, said):
+def test_what_is_not_allowed_is_refused_and_writes_nothing(tmp_path, add, arguments, password, said):
     file = tmp_path / "accounts.yaml"
     done = add(file, *arguments, password=password)
     assert done.returncode == 2

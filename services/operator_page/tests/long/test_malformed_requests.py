@@ -6,7 +6,8 @@ import random
 import pytest
 from malformed_requests import REQUESTS, malformed, raw
 from page_lab import RIG, Client
-from test_page_over_http import COMMANDS, READS
+
+from .test_page_over_http import COMMANDS, READS
 
 pytestmark = pytest.mark.timeout(600)
 

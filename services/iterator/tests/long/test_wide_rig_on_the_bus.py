@@ -11,8 +11,8 @@ from duralab_spectra import line_frequencies, rms
 from iterator import control_band
 from iterator.campaign import seeds
 
-from .linear_plants import SAMPLE_RATE, noise_target, play
-from .wide_rig import drives_of, impulses, model, specification, wide_lab
+from ..linear_plants import SAMPLE_RATE, noise_target, play
+from ..wide_rig import drives_of, impulses, model, specification, wide_lab
 
 FINISHED, FAULTED = iterator_pb2.CAMPAIGN_PHASE_FINISHED, iterator_pb2.CAMPAIGN_PHASE_FAULTED
 

@@ -12,10 +12,10 @@ from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.limits import DriveLimits
 from iterator.pre_test.pulses import pulse_train
 
-from .fake_lab import Identifier, Lab, Recorder
-from .linear_rig import specification
-from .rig_process import known_rig
-from .test_service_on_the_bus import NOISE, RIG_PROCESS, process
+from ..fake_lab import Identifier, Lab, Recorder
+from ..linear_rig import specification
+from ..rig_process import known_rig
+from ..test_service_on_the_bus import NOISE, RIG_PROCESS, process
 
 LAB = "pre_test_test"
 # Seconds of a playback.
