@@ -22,6 +22,8 @@ from duralab.formats import write_signals
 from duralab.sweeps import read_results
 from duralab.sweeps.cluster import open_workers
 
+from ..multihost.host_network import HostNetwork, why_not
+
 # Half a minute of processor time in all, most of it the start of processes, which a busy machine makes long.
 pytestmark = pytest.mark.timeout(600)
 SECONDS = 250.0
@@ -134,14 +136,20 @@ def test_nothing_is_run_and_nobody_started_where_all_has_ended(folder, resumed):
 
 
 @contextmanager
-def scheduler_with_one_worker(folder):
-    """Give the address of a Dask scheduler that runs already, as in a cluster."""
+def running_scheduler(folder, *, network=None, workers=("worker",)):
+    """Give the address of a Dask scheduler that runs already with its workers, as in a cluster."""
     file = folder / "scheduler.json"
-    dask = [sys.executable, "-m", "dask"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    serving = ["scheduler", "--host", "127.0.0.1", "--port", "0", "--no-dashboard", "--scheduler-file", str(file)]
-    working = ["worker", "--scheduler-file", str(file), "--nthreads", "1", "--no-dashboard", "--host", "127.0.0.1"]
-    started = [subprocess.Popen([*dask, *words], cwd=folder, **quiet) for words in (serving, working)]
+    file.unlink(missing_ok=True)
+    usual = ["--no-dashboard", "--scheduler-file", str(file)]
+
+    def start(host, *words):
+        address = "127.0.0.1" if network is None else network.address(host)
+        command = [sys.executable, "-m", "dask", *words, *usual, "--host", address]
+        command = command if network is None else network.on(host, command)
+        return subprocess.Popen(command, cwd=folder, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+
+    started = [start("router", "scheduler", "--port", "0")]
+    started += [start(host, "worker", "--nthreads", "1") for host in workers]
     try:
         deadline = time.monotonic() + SECONDS
         while not file.is_file() and time.monotonic() < deadline:
@@ -154,7 +162,7 @@ def scheduler_with_one_worker(folder):
 
 
 def test_a_lab_of_processes_on_a_worker_of_a_cluster_gives_the_same_bytes(folder, resumed):
-    with scheduler_with_one_worker(folder) as address:
+    with running_scheduler(folder) as address:
         words = [*command(folder, "lab")[:-2], "--scheduler", address]
         ran = subprocess.run(words, capture_output=True, text=True, timeout=SECONDS, check=False)
     assert ran.returncode == 0, ran.stderr
@@ -165,6 +173,27 @@ def test_a_lab_of_processes_on_a_worker_of_a_cluster_gives_the_same_bytes(folder
         assert first.tobytes() == second.tobytes(), what
     pairs = zip(one.signal(one.runs[0]), other.signal(other.runs[0]), strict=True)
     assert all(first.samples.tobytes() == second.samples.tobytes() for first, second in pairs)
+
+
+@pytest.mark.skipif(bool(why_not()), reason=why_not() or "possible")
+def test_workers_on_other_hosts_give_the_same_bytes(folder, resumed):
+    (folder / "hosts.yaml").write_text(
+        yaml.safe_dump({**SWEEP, "axes": {"excitation.rms": [0.5, 1.0]}, "cell": "process"})
+    )
+    with (
+        HostNetwork(f"duralabsweep{os.getpid()}") as network,
+        running_scheduler(folder, network=network, workers=("rig", "control")) as address,
+    ):
+        assert address.startswith(f"tcp://{network.address('router')}:")
+        words = network.on("viewer", [*command(folder, "hosts")[:-2], "--scheduler", address])
+        ran = subprocess.run(words, capture_output=True, text=True, timeout=SECONDS, check=False)
+    assert ran.returncode == 0, ran.stderr
+    rows = read_results(folder / "hosts").finished
+    assert len(rows) == 2
+    for row in rows:
+        one, other = (folder / out / "points" / row["id"] / "recording.mcap" for out in ("process", "hosts"))
+        first, second = (duralab.open(path).playback(1).response.samples for path in (one, other))
+        assert first.tobytes() == second.tobytes()
 
 
 def test_a_scheduler_that_is_none_is_told(folder):
