@@ -19,7 +19,7 @@ from duralab_drive_files import (
     write_rpc3,
 )
 from duralab_gateway import SERVICE
-from duralab_proto.arrays import to_record
+from duralab_proto.arrays import from_record, to_record
 from duralab_proto.v1 import rig_pb2
 
 RATE = 500.0
@@ -168,3 +168,10 @@ class FileLab:
 
     def waits(self):
         return until(lambda: state if (state := self.state()).mode == rig_pb2.RIG_MODE_WAITING else None)
+
+
+def close_to(result, wanted):
+    """Check that the response of a result is the wanted one to a thousandth."""
+    found = from_record(result.response)[2]
+    error = np.sqrt(((found - wanted) ** 2).sum(axis=1) / (wanted**2).sum(axis=1))
+    assert error.max() < 1.0e-3, error
