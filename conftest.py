@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parent
-LONG_FOLDERS = {"long", "security", "faults", "deploy", "multihost"}
+LONG_FOLDERS = {"long", "security", "faults", "deploy", "multihost", "endurance"}
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -77,6 +77,10 @@ def _share(what: str, *figure: str, bound: float) -> Goal:
     return Goal(what, figure, bound, possible=(0.0, 100.0), scale=100.0)
 
 
+def _efficiency(what: str, *figure: str, bound: float) -> Goal:
+    return Goal(what, figure, bound, at_least=True, possible=(0.0, 1.0))
+
+
 def _fact(what: str, *figure: str, scale: float = 1.0) -> Goal:
     return Goal(what, figure, None, possible=(-math.inf, math.inf), scale=scale)
 
@@ -168,8 +172,8 @@ GOALS: dict[str, tuple[Goal, ...]] = {
         ),
     ),
     "Sweeps": (
-        _least("two cores over twice one core, a sweep of seeds", "sweep", "efficiency_steady", bound=0.85),
-        _least(
+        _efficiency("two cores over twice one core, a sweep of seeds", "sweep", "efficiency_steady", bound=0.85),
+        _efficiency(
             "the same of tolerances, each campaign with another specimen", "tolerances", "efficiency_steady", bound=0.9
         ),
         _fact("campaigns of tolerances a minute on two cores", "tolerances", "campaigns_per_minute"),

@@ -7,6 +7,7 @@ import sys
 import tomllib
 from collections import Counter
 from fnmatch import fnmatch
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 
@@ -42,13 +43,17 @@ def _own_python(paths):
     return [path for path in paths if path.suffix == ".py" and not path.name.endswith("_pb2.py")]
 
 
+@cache
 def _package_modules():
+    """Return path and syntax tree of every module; parsing them all takes seconds."""
+    modules = []
     for distribution in DISTRIBUTIONS:
         manifest = tomllib.loads((ROOT / distribution / "pyproject.toml").read_text())
         for package in manifest["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]:
             for path in sorted((ROOT / distribution / package).rglob("*.py")):
                 if not path.stem.endswith("_pb2"):
-                    yield path, ast.parse(path.read_text(encoding="utf-8"))
+                    modules.append((path, ast.parse(path.read_text(encoding="utf-8"))))
+    return modules
 
 
 def _name(path):
@@ -153,9 +158,10 @@ def _undescribed_in_class(node):
     return lacking
 
 
+@cache
 def _exported():
-    """Yield the definitions of what users import: of several of one name, the one nearest to the package."""
-    exports, definitions = {}, {}
+    """Return the definitions of what users import: of several of one name, the one nearest to the package."""
+    exports, definitions, found = {}, {}, []
     for path, tree in _package_modules():
         for node in tree.body:
             is_face = isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__"
@@ -167,7 +173,8 @@ def _exported():
         for name in names:
             inside = [(path, node) for path, node in definitions.get(name, []) if package in path.parents]
             if inside:
-                yield min(inside, key=lambda found: len(found[0].parts))
+                found.append(min(inside, key=lambda one: len(one[0].parts)))
+    return found
 
 
 def test_what_packages_export_tells_the_shapes_of_arrays():
