@@ -124,15 +124,16 @@ def _is_open() -> bool:
 def _campaign(folder: Path, environment: dict[str, str]) -> tuple[float, float]:
     """Return the time of a campaign from the shell, and its shares of simulation and mathematics, in s.
 
-    From the start of the process until its services have ended: without the writing of the profile, which only this
-    option does.
+    From the start of the process to its end, without the reading and writing of the profile, which only this option
+    does.
     """
     command = [sys.executable, "-m", "duralab", "run", CAMPAIGN, "--out", str(folder), "--profile"]
     subprocess.run(command, env=environment, check=True, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    profile = Profile(json.loads((folder / "profile.json").read_text())["traceEvents"])
+    finished, file = time.time(), folder / "profile.json"
+    profile = Profile(json.loads(file.read_text())["traceEvents"])
     began, ended = profile.period
     spent = profile.shares(began, ended)
-    return ended - began, spent[SpanKind.PLAYBACK] + spent[SpanKind.MATHEMATICS]
+    return (ended - began) + (finished - file.stat().st_mtime), spent[SpanKind.PLAYBACK] + spent[SpanKind.MATHEMATICS]
 
 
 def main() -> None:

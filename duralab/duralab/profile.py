@@ -124,7 +124,11 @@ def profiled(path: Path, *, show: Callable[[Profile], None]) -> Iterator[Path]:
             with record_trace(folder, "duralab"):
                 age = _age_seconds()
                 write_span("start duralab", SpanKind.START, time.time() - age, age)
-                yield folder
+                try:
+                    yield folder
+                finally:
+                    # So that the profile lasts until nothing is left but to write it.
+                    write_span("end of the command", SpanKind.START, time.time(), 1e-6)
         finally:
             profile = Profile.read(folder)
             profile.write(path)

@@ -61,13 +61,13 @@ def test_a_profile_is_written_also_where_what_it_is_of_fails_and_leaves_nothing_
     with pytest.raises(ZeroDivisionError), profiled(path, show=found.append), span("divide", MATHEMATICS):
         raise ZeroDivisionError
     events = json.loads(path.read_text())["traceEvents"]
-    assert [one["name"] for one in events] == ["process_name", "start duralab", "divide"]
+    assert [one["name"] for one in events] == ["process_name", "start duralab", "divide", "end of the command"]
     assert min(one["ts"] for one in events if one["ph"] == "X") == 0.0
     assert "mathematics" in str(found[0])
     assert list(path.parent.iterdir()) == [path]
     with span("after", MATHEMATICS):
         pass
-    assert len(json.loads(path.read_text())["traceEvents"]) == 3
+    assert len(json.loads(path.read_text())["traceEvents"]) == 4
 
 
 def test_a_line_that_a_killed_process_left_unfinished_is_passed_over(tmp_path):

@@ -82,7 +82,7 @@ def test_service_that_does_not_come_is_named_with_its_log(bus, fake_services, tm
     plans = [ServicePlan("silent"), ServicePlan("steady")]
     with Supervisor(plans, bus=bus, logs=tmp_path) as supervisor:
         with pytest.raises(LabError, match=r"silent") as caught:
-            supervisor.start(timeout_seconds=5.0)
+            supervisor.start(timeout_seconds=10.0)
         assert "still warming up" in caught.value.message
         assert "steady" not in caught.value.message
 

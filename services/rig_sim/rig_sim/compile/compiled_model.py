@@ -267,14 +267,12 @@ class CompiledModel(NamedModel):
         number is out of its range.
         """
         count = len(self.state_names)
-        # Aligned for the loop's vectors.
-        inner, inner_limits = aligned((padded(count),)), aligned((padded(count),))
-        inner[count:] = 0.0
+        inner = np.zeros(padded(count))
         inner[:count] = self._vector(state, self.state_names, "state")[self._order]
         command = self._commands(commands)
         self._check_steps(sample_interval, substeps)
         limits = self._limits(bounds)
-        inner_limits[count:] = 1.0
+        inner_limits = np.ones(len(inner))
         inner_limits[:count] = limits[self._order]
         samples = command.shape[1] - 1
         outputs = np.empty((len(self.output_names), samples))
