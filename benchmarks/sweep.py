@@ -197,7 +197,8 @@ def measure_sweep(
         "campaigns_per_minute": 60.0 * max(r.steady_per_second for r in two),
         "empty_task_seconds": empty,
         "efficiency_steady": max(r.steady_per_second for r in two) / (2 * max(r.steady_per_second for r in one)),
-        "efficiency_with_start": min(r.wall_seconds for r in one) / (2 * min(r.wall_seconds for r in two)),
+        "efficiency_with_start": min(r.wall_seconds / r.campaigns for r in one)
+        / (2 * min(r.wall_seconds / r.campaigns for r in two)),
         "efficiency_by_processor_time": min(r.campaign_processor_seconds for r in one)
         / min(r.campaign_processor_seconds for r in two),
         "runs": [asdict(each) for each in runs],
