@@ -184,6 +184,10 @@ def test_workers_on_other_hosts_give_the_same_bytes(folder, resumed):
         HostNetwork(f"duralabsweep{os.getpid()}") as network,
         running_scheduler(folder, network=network, workers=("rig", "control")) as address,
     ):
+        assert address.startswith(f"tcp://{network.address('router')}:")
+        # Both workers first: one that comes late would leave both campaigns to the other.
+        wait = f"from distributed import Client; Client({address!r}).wait_for_workers(2, timeout={SECONDS})"
+        subprocess.run(network.on("viewer", [sys.executable, "-c", wait]), timeout=SECONDS, check=True)
         words = network.on("viewer", [*command(folder, "hosts")[:-2], "--scheduler", address])
         ran = subprocess.run(words, capture_output=True, text=True, timeout=SECONDS, check=False)
     assert ran.returncode == 0, ran.stderr
