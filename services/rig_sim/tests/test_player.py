@@ -173,6 +173,18 @@ def test_uses_tell_a_valve_at_its_stop(quiet_front_axle):
     assert 0.02 < faster.largest_following_error < 0.08
 
 
+@pytest.mark.parametrize("block_samples", [70, 1000])
+def test_uses_do_not_depend_on_blocks_or_on_when_they_are_read(quiet_front_axle, block_samples):
+    drive = np.zeros((6, 1100))
+    drive[0] = 0.08 * np.minimum(np.arange(1100), 10) / 10.0
+    expected = played(quiet_front_axle, drive)[0].uses()
+    playback = quiet_front_axle.playback(drive, seed=1)
+    playback.block_samples = block_samples
+    read = [playback.uses() for _ in playback.blocks()]
+    assert read[-1] == expected
+    assert 0.0 < read[-1][0].saturated_share < read[0][0].saturated_share
+
+
 def test_a_road_has_peaks_and_no_actuators(predecessor):
     drive = np.zeros((8, 500))
     drive[0] = 0.03 * np.sin(np.pi * np.arange(500) / 500) ** 2

@@ -138,6 +138,16 @@ class Run:
     bounds: np.ndarray | None = None
 
 
+@dataclass(frozen=True)
+class _Bounds:
+    """Checked bounds of the states, once for all blocks of a playback; `inner` is what the code at `address` reads."""
+
+    given: bytes
+    magnitudes: np.ndarray
+    inner: np.ndarray
+    address: int
+
+
 class NamedModel:
     """Names of a model's states, inputs and outputs, and checks of its arguments."""
 
@@ -216,6 +226,8 @@ class CompiledModel(NamedModel):
         self._module = module  # keeps the code alive
         self.constants = aligned((len(constants),))
         self.constants[:] = constants
+        self._constants_address = self.constants.ctypes.data
+        self._bounds: _Bounds | None = None
         self._derivative = _DERIVATIVE_SIGNATURE(module.address("derivative"))
         self._observe = OBSERVE_SIGNATURE(module.address("observe"))
         self._play = {method: PLAY_SIGNATURE(module.address(play_symbol(method))) for method in Method}
@@ -271,9 +283,7 @@ class CompiledModel(NamedModel):
         inner[:count] = self._vector(state, self.state_names, "state")[self._order]
         command = self._commands(commands)
         self._check_steps(sample_interval, substeps)
-        limits = self._limits(bounds)
-        inner_limits = np.ones(len(inner))
-        inner_limits[:count] = limits[self._order]
+        limits = self._checked_bounds(bounds)
         samples = command.shape[1] - 1
         outputs = np.empty((len(self.output_names), samples))
         status = self._play[method](
@@ -285,12 +295,21 @@ class CompiledModel(NamedModel):
             samples,
             int(substeps),
             sample_interval / substeps,
-            inner_limits.ctypes.data,
-            self.constants.ctypes.data,
+            limits.address,
+            self._constants_address,
         )
         final = inner[self._places]
         if status == COMPLETED:
             return Playback(outputs, final, None, ())
-        return Playback(
-            np.ascontiguousarray(outputs[:, :status]), final, int(status), self._states_outside(final, limits)
-        )
+        outside = self._states_outside(final, limits.magnitudes)
+        return Playback(np.ascontiguousarray(outputs[:, :status]), final, int(status), outside)
+
+    def _checked_bounds(self, bounds: ArrayLike | None) -> _Bounds:
+        given = b"" if bounds is None else np.asarray(bounds, dtype=np.float64).tobytes()
+        known = self._bounds
+        if known is None or known.given != given:
+            magnitudes = self._limits(bounds)
+            inner = np.ones(padded(len(magnitudes)))
+            inner[: len(magnitudes)] = magnitudes[self._order]
+            known = self._bounds = _Bounds(given, magnitudes, inner, inner.ctypes.data)
+        return known
