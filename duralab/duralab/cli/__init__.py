@@ -31,6 +31,8 @@ def main() -> None:
         sys.exit(f"Error: {fault[:-1]}; install one, and make the environment with it.")
     # pydantic would read the metadata of all installed packages in search of plug-ins.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # As in the services: with several BLAS threads on busy cores, writing a report took three times as long.
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
     _import_ahead(sys.argv[1:])
     from duralab.cli.application import app
 
