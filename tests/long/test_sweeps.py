@@ -11,6 +11,7 @@ import time
 from contextlib import contextmanager
 from pathlib import Path
 
+import dask
 import numpy as np
 import psutil
 import pytest
@@ -210,6 +211,9 @@ def test_a_scheduler_that_is_none_is_told(folder):
 def test_as_many_workers_as_cores_keep_to_a_core_each(tmp_path):
     with open_workers(tmp_path, workers=None, scheduler=None) as client:
         kept = client.run(lambda: tuple(os.sched_getaffinity(0)))
+        # What keeps the call stacks of an hour grows all that time.
+        profiled = client.run(lambda: dask.config.get("distributed.worker.profile.enabled"))
+    assert not any(profiled.values())
     assert sorted(kept.values()) == [(core,) for core in sorted(os.sched_getaffinity(0))]
 
 
