@@ -123,6 +123,19 @@ def test_help_names_the_exit_codes():
     assert invoke()[1] == stdout
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("option", ["--help", "--version"])
+def test_help_that_cannot_be_written_is_one_sentence(option):
+    with Path("/dev/full").open("w") as full:
+        command = [sys.executable, "-m", "duralab", option]
+        ended = subprocess.run(command, check=False, stdout=full, stderr=subprocess.PIPE, text=True, timeout=120)
+    assert ended.returncode == 1
+    assert (
+        ended.stderr
+        == "Error: The output cannot be written: No space left on device; free space, or send it elsewhere.\n"
+    )
+
+
 def test_wrong_campaign_is_refused_before_anything_starts(tmp_path):
     file = quick(tmp_path, "update.gian", 0.5)
     code, _, stderr = invoke("run", file, "--out", tmp_path / "out")

@@ -1,3 +1,5 @@
+import hashlib
+
 import numpy as np
 import pytest
 import synthetic_campaign
@@ -231,3 +233,6 @@ def test_a_recording_in_several_files_reads_as_one(tmp_path):
     assert several.iterations.numbers == one.iterations.numbers
     np.testing.assert_array_equal(several.playback(3).response.samples, one.playback(3).response.samples)
     assert several.closed == one.closed
+    joined = b"".join(path.read_bytes() for path in several.files)
+    assert len(several.files) == 3
+    assert several.sha256 == hashlib.sha256(joined).hexdigest()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final, cast
@@ -82,6 +83,15 @@ class CommandGroup(TyperGroup):
         except typer.TyperException as error:
             try:
                 fail(_usage_sentence(error), ExitCode.USER_ERROR, as_json=self._as_json)
+            except typer.Exit as ending:
+                code = ending.exit_code
+        except OSError as error:
+            # Help and version are written before there is a command.
+            if error.errno == errno.EPIPE:
+                raise  # As within a command: the reader of the output is gone.
+            try:
+                sentence = f"The output cannot be written: {error.strerror or error}; free space, or send it elsewhere."
+                fail(sentence, ExitCode.FAILED, as_json=self._as_json)
             except typer.Exit as ending:
                 code = ending.exit_code
         except typer.Abort:

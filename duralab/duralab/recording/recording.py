@@ -530,12 +530,16 @@ class Recording:
 
     @cached_property
     def sha256(self) -> str:
-        """SHA-256 of the file, hexadecimal; raises InputError if the file no longer exists."""
-        try:
-            with self.path.open("rb") as stream:
-                return hashlib.file_digest(stream, "sha256").hexdigest()
-        except OSError as error:
-            raise InputError(unreadable(self.path, error).message) from error
+        """SHA-256 of all its files, one after the other, hexadecimal; raises InputError if one no longer exists."""
+        found = hashlib.sha256()
+        for path in self.files:
+            try:
+                with path.open("rb") as stream:
+                    # The digest of the stream goes on where that of the file before ended.
+                    hashlib.file_digest(stream, lambda: found)
+            except OSError as error:
+                raise InputError(unreadable(path, error).message) from error
+        return found.hexdigest()
 
     def __repr__(self) -> str:
         """Return a one-line description without arrays."""

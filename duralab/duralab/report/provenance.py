@@ -197,7 +197,7 @@ def provenance(recording: Recording, best: Playback) -> list[tuple[str, str]]:
         ("Rig engine", f"{rig.engine} {rig.version}"),
         ("Rig content", f"sha256 {rig.content_hash}"),
         ("Model", f"sha256 {recording.model.id}" if recording.model is not None else "none"),
-        ("Recording", f"{recording.path.name}, sha256 {recording.sha256}"),
+        ("Recording", f"{', '.join(path.name for path in recording.files)}, sha256 {recording.sha256}"),
         ("Recorded with", ", ".join(f"{name} {number}" for name, number in _software(recording)) or "not told"),
         ("Report made with", f"duralab {version('duralab')}"),
     ]
