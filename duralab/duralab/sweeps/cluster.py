@@ -49,11 +49,11 @@ def open_workers(folder: Path, *, workers: int | None, scheduler: str | None) ->
     distributed = _imported()
     with ExitStack() as stack:
         if scheduler is None:
-            import dask
+            from dask import config
 
             private = stack.enter_context(tempfile.TemporaryDirectory(prefix="duralab-", ignore_cleanup_errors=True))
             # Distributed's profiler keeps the call stacks of an hour: 47 KB a second in each worker.
-            stack.enter_context(dask.config.set({"distributed.worker.profile.enabled": False}))
+            stack.enter_context(config.set({"distributed.worker.profile.enabled": False}))
             cluster = stack.enter_context(
                 distributed.LocalCluster(
                     n_workers=workers or cores(),
