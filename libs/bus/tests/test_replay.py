@@ -21,31 +21,19 @@ WAIT = 120.0
 RUN = "spooled.1"
 
 
-class LossyLink:
-    """Stands in for the Zenoh publisher under a StreamPublisher and loses some of its messages, as a full link does."""
-
-    def __init__(self, publisher, *, lost):
-        self._publisher = publisher
-        self._lost = lost
-        self._seq = 0
-
-    def put(self, *arguments, **options):
-        if self._seq not in self._lost:
-            self._publisher.put(*arguments, **options)
-        self._seq += 1
-
-    def undeclare(self):
-        self._publisher.undeclare()
-
-
-def publish(bus, key, count, *, lost=(), **options):
+@pytest.fixture
+def publish(lose):
     """Publish blocks of which some are lost on the way; return the publisher, open."""
-    publisher = bus.publisher(key, **options)
-    time.sleep(0.2)  # The offer to replay is on its way to the receiver.
-    publisher._publisher.current = LossyLink(publisher._publisher.current, lost=lost)
-    for number in range(count):
-        publisher.put(rig_pb2.SignalBlock(run=RUN, first_sample=number))
-    return publisher
+
+    def put(bus, key, count, *, lost=(), **options):
+        publisher = bus.publisher(key, **options)
+        time.sleep(0.2)  # The offer to replay is on its way to the receiver.
+        lose(publisher, lost)
+        for number in range(count):
+            publisher.put(rig_pb2.SignalBlock(run=RUN, first_sample=number))
+        return publisher
+
+    return put
 
 
 @pytest.fixture
@@ -60,7 +48,7 @@ def receiver(hub):
         yield bus
 
 
-def test_lost_blocks_are_put_back_in_their_place(hub, receiver, key):
+def test_lost_blocks_are_put_back_in_their_place(hub, receiver, key, publish):
     items = queue.SimpleQueue()
     subscription = receiver.subscribe(hub.keys.rig_signal("*", "*"), rig_pb2.SignalBlock, items.put, repair=True)
     time.sleep(0.3)  # The subscription is on its way to the publisher.
@@ -73,7 +61,7 @@ def test_lost_blocks_are_put_back_in_their_place(hub, receiver, key):
     assert items.empty()
 
 
-def test_without_repair_a_loss_stays_a_gap(hub, key):
+def test_without_repair_a_loss_stays_a_gap(hub, key, publish):
     items = queue.SimpleQueue()
     subscription = hub.subscribe(key, rig_pb2.SignalBlock, items.put)
     publish(hub, key, 4, lost={1, 2})
@@ -81,7 +69,7 @@ def test_without_repair_a_loss_stays_a_gap(hub, key):
     subscription.close()
 
 
-def test_tail_is_replayed_after_the_publisher_closed(hub, receiver, key, until):
+def test_tail_is_replayed_after_the_publisher_closed(hub, receiver, key, until, publish):
     publisher = publish(hub, key, 2500, lost=range(10, 2500))
     publisher.close()
     items = []
@@ -92,7 +80,7 @@ def test_tail_is_replayed_after_the_publisher_closed(hub, receiver, key, until):
     subscription.close()
 
 
-def test_each_epoch_on_a_key_is_replayed_by_its_own_publisher(hub, receiver, key, until):
+def test_each_epoch_on_a_key_is_replayed_by_its_own_publisher(hub, receiver, key, until, publish):
     publishers = {publish(hub, key, count).epoch: count for count in (3, 5)}
     items = []
     subscription = receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
@@ -104,7 +92,7 @@ def test_each_epoch_on_a_key_is_replayed_by_its_own_publisher(hub, receiver, key
     subscription.close()
 
 
-def test_all_runs_of_a_rig_are_offered_by_one_declaration_and_each_is_replayed_by_itself(hub, receiver, until):
+def test_all_runs_of_a_rig_are_offered_by_one_declaration_and_each_is_replayed_by_itself(hub, receiver, until, publish):
     runs = {hub.keys.rig_signal("r", f"run.{number}"): number for number in range(1, 6)}
     publishers = {key: publish(hub, key, 10 * number, lost=range(3, 10)) for key, number in runs.items()}
     # Nothing is undeclared with a run, and so nothing declared again with the next: Zenoh would keep it all.
@@ -119,7 +107,7 @@ def test_all_runs_of_a_rig_are_offered_by_one_declaration_and_each_is_replayed_b
         ]
 
 
-def test_payload_is_the_bytes_that_were_published(hub, receiver, key, until):
+def test_payload_is_the_bytes_that_were_published(hub, receiver, key, until, publish):
     publish(hub, key, 3)
     items = []
     receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
@@ -128,7 +116,7 @@ def test_payload_is_the_bytes_that_were_published(hub, receiver, key, until):
     assert [item.position[2] for item in items] == [0, 1, 2]
 
 
-def test_what_fell_out_of_the_spool_is_told_as_lost(hub, receiver, key, until):
+def test_what_fell_out_of_the_spool_is_told_as_lost(hub, receiver, key, until, publish):
     block = rig_pb2.SignalBlock(run=RUN, first_sample=1)
     # Where nobody marks, one stream takes an eighth of its space.
     space = duralab_bus.SpoolSpace(8 * (100 * (block.ByteSize() + 128) + 150))
@@ -209,7 +197,7 @@ def test_spool_that_is_marked_refuses_rather_than_dropping():
     assert space.used_bytes == 0
 
 
-def test_only_the_last_closed_spools_are_kept_where_nobody_marks(hub, receiver, key, until):
+def test_only_the_last_closed_spools_are_kept_where_nobody_marks(hub, receiver, key, until, publish):
     publishers = [publish(hub, key, 1) for _ in range(replay.KEPT_SPOOLS + 2)]
     for publisher in publishers:
         publisher.close()
@@ -220,14 +208,14 @@ def test_only_the_last_closed_spools_are_kept_where_nobody_marks(hub, receiver, 
     assert {item.epoch for item in items} == {publisher.epoch for publisher in publishers[2:]}
 
 
-def test_closed_spool_is_let_go_after_its_time(hub, key, monkeypatch, until):
+def test_closed_spool_is_let_go_after_its_time(hub, key, monkeypatch, until, publish):
     monkeypatch.setattr(replay, "KEPT_SECONDS", 0.2)
     publisher = publish(hub, key, 1)
     publisher.close()
     until(lambda: not hub._replays._offers)
 
 
-def test_marks_free_the_spool_and_who_marks_is_waited_for(hub, receiver, key, until):
+def test_marks_free_the_spool_and_who_marks_is_waited_for(hub, receiver, key, until, publish):
     space = duralab_bus.SpoolSpace(2**20)
     publisher = publish(hub, key, 100, lost=range(20, 30), spools=space)
     items = []
@@ -245,7 +233,7 @@ def test_marks_free_the_spool_and_who_marks_is_waited_for(hub, receiver, key, un
     subscription.close()
 
 
-def test_mark_of_what_was_never_published_frees_nothing(hub, receiver, key, until):
+def test_mark_of_what_was_never_published_frees_nothing(hub, receiver, key, until, publish):
     publisher = publish(hub, key, 3)
     client = receiver._replay_client
     until(lambda: client.mark(key, epoch=publisher.epoch, stored=1) or publisher.unmarked == 2)
@@ -255,7 +243,7 @@ def test_mark_of_what_was_never_published_frees_nothing(hub, receiver, key, unti
     until(lambda: client.mark(key, epoch=publisher.epoch, stored=2) or publisher.unmarked == 1)
 
 
-def test_strangers_do_not_make_a_stream_forgotten(hub, receiver, key, until):
+def test_strangers_do_not_make_a_stream_forgotten(hub, receiver, key, until, publish):
     items = []
     subscription = receiver.subscribe(key, rig_pb2.SignalBlock, items.append, repair=True)
     publisher = publish(hub, key, 3)
@@ -276,7 +264,7 @@ def test_spool_is_held_from_the_start_where_a_recorder_was_met(hub, key, until):
     token.close()
 
 
-def test_slow_receiver_gets_everything_and_memory_stays_bounded(hub, receiver, key, until):
+def test_slow_receiver_gets_everything_and_memory_stays_bounded(hub, receiver, key, until, publish):
     gate, seqs = threading.Event(), []
 
     def slow(item):
@@ -293,7 +281,7 @@ def test_slow_receiver_gets_everything_and_memory_stays_bounded(hub, receiver, k
 
 
 @pytest.mark.parametrize("parameters", ["", "?epoch=1", "?epoch=1;first=-1;stop=2", "?epoch=x;first=0;stop=1"])
-def test_question_that_is_none_is_refused(hub, receiver, key, parameters):
+def test_question_that_is_none_is_refused(hub, receiver, key, parameters, publish):
     publish(hub, key, 1)
     replies = list(
         receiver._session.current.get(
