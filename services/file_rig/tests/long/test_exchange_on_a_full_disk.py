@@ -17,19 +17,9 @@ SIZE = 4 * 1024 * 1024
 
 
 @pytest.fixture
-def disk(tmp_path):
+def disk(mount_disk):
     """An exchange folder that is a file system of 4 MiB."""
-    folder = tmp_path / "exchange"
-    folder.mkdir()
-    command = ["mount", "-t", "tmpfs", "-o", f"size={SIZE}", "tmpfs", str(folder)]
-    try:
-        done = subprocess.run(command, capture_output=True, check=False)
-    except FileNotFoundError:
-        pytest.skip("there is no mount command here")
-    if done.returncode != 0:
-        pytest.skip(f"mounting a small file system is not allowed here: {done.stderr.decode().strip()}")
-    yield folder
-    subprocess.run(["umount", "--lazy", str(folder)], check=True)
+    return mount_disk("exchange", SIZE)
 
 
 def fill(folder, *, free_pages=0, name="filler"):
