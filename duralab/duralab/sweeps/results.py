@@ -227,10 +227,10 @@ def plain(value: Any) -> bool | int | float | str | None:
 
 
 def _point(settings: Mapping[str, Any], outcome: Outcome) -> dict[str, Any]:
-    fields = asdict(outcome)
     row = {key: plain(value) for key, value in settings.items()}
-    row |= {name: plain(value) for name, value in fields.items() if name not in _NESTED}
-    return row | {f"seconds_{name}": seconds for name, seconds in fields["costs"].items()}
+    # Not `asdict`, which copies the figures of all playbacks: it took three quarters of the time of writing.
+    row |= {field.name: plain(getattr(outcome, field.name)) for field in fields(outcome) if field.name not in _NESTED}
+    return row | {f"seconds_{field.name}": getattr(outcome.costs, field.name) for field in fields(outcome.costs)}
 
 
 def _playbacks(outcome: Outcome) -> list[dict[str, Any]]:

@@ -132,7 +132,7 @@ def _corners(settings: Mapping[str, Searched]) -> list[Settings]:
 
 
 _WRITE_SECONDS: Final = 5.0
-_WRITE_SHARE: Final = 0.05
+_WRITE_SHARE: Final = 0.01
 """Largest share of the time for writing intermediate results."""
 
 
