@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
-from importlib.metadata import entry_points
+from functools import cache
+from importlib.metadata import EntryPoint, entry_points
 from typing import Any, Final
 
 from pydantic import ValidationError
@@ -44,7 +45,13 @@ class HostedService:
 
 def installed_services() -> dict[str, HostedService]:
     """Return the installed services by name; all of them are imported."""
-    return {entry.name: entry.load() for entry in entry_points(group=GROUP)}
+    return {entry.name: entry.load() for entry in _entries()}
+
+
+@cache
+def _entries() -> tuple[EntryPoint, ...]:
+    """Return the entry points; the metadata of all packages are read once, and not for every cell of a sweep."""
+    return tuple(entry_points(group=GROUP))
 
 
 @contextmanager

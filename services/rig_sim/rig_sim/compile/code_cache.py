@@ -116,9 +116,15 @@ def _folder() -> Path | None:
 
 
 def _digest(key: str) -> str:
+    return hashlib.sha256("\n".join([key, _generator(), *_machine()]).encode()).hexdigest()
+
+
+@cache
+def _machine() -> tuple[str, ...]:
+    """Return what else determines the code: Python, the compilers and the processor."""
     made_with = [f"{name} {version(name)}" for name in _COMPILERS]
     processor = [llvm.get_process_triple(), llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()]
-    return hashlib.sha256("\n".join([key, _generator(), sys.version, *made_with, *processor]).encode()).hexdigest()
+    return (sys.version, *made_with, *processor)
 
 
 def _read(path: Path, link: Callable[[bytes, dict[str, Any]], _Made]) -> _Made | None:
