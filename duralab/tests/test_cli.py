@@ -416,3 +416,22 @@ def test_the_imports_of_a_private_lab_begin_with_the_command(monkeypatch, line, 
     monkeypatch.setattr(processes, "import_ahead", lambda: begun.append(True), raising=False)
     cli._import_ahead(line.split())
     assert bool(begun) is begins
+
+
+@pytest.mark.parametrize(("given", "threads"), [(None, "1"), ("2", "2")])
+def test_the_command_computes_with_one_thread_unless_told_otherwise(monkeypatch, given, threads):
+    found = []
+
+    def end(_):
+        found.append(os.environ["OMP_NUM_THREADS"])
+        raise SystemExit
+
+    monkeypatch.setattr(cli, "_import_ahead", end)
+    monkeypatch.setenv("PYDANTIC_DISABLE_PLUGINS", "__all__")
+    # Set first, so that what the command sets is undone.
+    monkeypatch.setenv("OMP_NUM_THREADS", given or "")
+    if given is None:
+        monkeypatch.delenv("OMP_NUM_THREADS")
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert found == [threads]

@@ -142,7 +142,7 @@ class Run:
 class _Bounds:
     """Checked bounds of the states, once for all blocks of a playback; `inner` is what the code at `address` reads."""
 
-    given: bytes
+    content: bytes
     magnitudes: np.ndarray
     inner: np.ndarray
     address: int
@@ -305,11 +305,11 @@ class CompiledModel(NamedModel):
         return Playback(np.ascontiguousarray(outputs[:, :status]), final, int(status), outside)
 
     def _checked_bounds(self, bounds: ArrayLike | None) -> _Bounds:
-        given = b"" if bounds is None else np.asarray(bounds, dtype=np.float64).tobytes()
-        known = self._bounds
-        if known is None or known.given != given:
+        content = b"" if bounds is None else np.asarray(bounds, dtype=np.float64).tobytes()
+        last = self._bounds
+        if last is None or last.content != content:
             magnitudes = self._limits(bounds)
             inner = np.ones(padded(len(magnitudes)))
             inner[: len(magnitudes)] = magnitudes[self._order]
-            known = self._bounds = _Bounds(given, magnitudes, inner, inner.ctypes.data)
-        return known
+            last = self._bounds = _Bounds(content, magnitudes, inner, inner.ctypes.data)
+        return last
