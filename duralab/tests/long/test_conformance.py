@@ -99,9 +99,18 @@ def hall():
 @pytest.fixture(scope="module")
 def findings(hall):
     """What was found on every gateway; five at once: most of it is waiting, and a busy machine answers late."""
+
+    def check(defect):
+        found = check_rig(hall[0], f"rig_{defect}", seconds=SECONDS)
+        for _ in range(2):
+            if not any("this process was too slow to stop" in finding.sentence for finding in found):
+                break
+            # What the check itself says to do where the machine was too busy for its own process.
+            found = check_rig(hall[0], f"rig_{defect}", seconds=3.0 * SECONDS)
+        return found
+
     with ThreadPoolExecutor(5) as pool:
-        checked = pool.map(lambda defect: check_rig(hall[0], f"rig_{defect}", seconds=SECONDS), Defect)
-        return dict(zip(Defect, checked, strict=True))
+        return dict(zip(Defect, pool.map(check, Defect), strict=True))
 
 
 def test_a_gateway_that_keeps_the_contract_passes(findings):
