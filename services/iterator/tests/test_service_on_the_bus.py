@@ -22,6 +22,8 @@ LAB = "iterator_test"
 RIGS = {"front": 0.0, "worn": 0.0, "slow": 2.5, "endless": 5.0}
 #: Of the rigs, in N: the seed of a playback is seen in it, and nothing else is.
 NOISE = 1e-3
+#: Specification, description, target, then run, model and its end.
+STEPS_BEFORE_PLAYBACKS = 6
 RIG_PROCESS = Path(__file__).with_name("rig_process.py")
 
 
@@ -257,6 +259,59 @@ def test_a_recorder_that_refuses_ends_the_campaign_before_the_next_playback(lab)
     # The rig is free again.
     lab.start(specification("after-full", iterations=1))
     assert lab.end_of("after-full").phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+
+
+@contextmanager
+def first_playback_being_stored(lab, id):
+    """A campaign whose recorder takes its time with the first playback; yields the event that lets it store it."""
+    arrived, may_store = threading.Event(), threading.Event()
+    lab.start(specification(id))
+
+    def watch(recording, step, stored):
+        if recording == id and step == STEPS_BEFORE_PLAYBACKS + 1 and not stored:
+            arrived.set()
+            assert may_store.wait(20.0)
+
+    lab.recorder.watch = watch
+    try:
+        assert arrived.wait(20.0)
+        yield may_store
+    finally:
+        may_store.set()
+        lab.recorder.watch = lambda *_: None
+
+
+def wait_for_activity(lab, id, activity):
+    until = time.monotonic() + 10.0
+    while lab.status(id).activity != activity:
+        assert time.monotonic() < until, lab.status(id).activity
+        time.sleep(0.01)
+
+
+def test_the_next_drive_is_computed_while_a_playback_is_stored_and_not_played_before(lab):
+    with first_playback_being_stored(lab, "beside") as may_store:
+        wait_for_activity(lab, "beside", "computing the drive of iteration 2 of 3")
+        # Neither what is not stored is shown, nor is the next motion announced.
+        assert len(lab.status("beside").iterations) == 0
+        assert lab.recorder.kinds("beside").count("RunPlanned") == 2
+        assert lab.rig_state("front").mode == rig_pb2.RIG_MODE_IDLE
+        may_store.set()
+        final = lab.end_of("beside")
+    assert [iteration.iteration for iteration in final.iterations] == [1, 2, 3]
+    assert lab.recorder.kinds("beside")[STEPS_BEFORE_PLAYBACKS:-2] == 3 * ["RunPlanned", "IterationStep", "RunPlayed"]
+
+
+def test_a_stop_while_a_playback_is_stored_stores_it_and_closes_the_recording(lab):
+    with first_playback_being_stored(lab, "cut-short") as may_store:
+        wait_for_activity(lab, "cut-short", "computing the drive of iteration 2 of 3")
+        lab.stop("cut-short")
+        may_store.set()
+        final = lab.end_of("cut-short")
+    assert final.phase == iterator_pb2.CAMPAIGN_PHASE_STOPPED
+    assert [iteration.iteration for iteration in final.iterations] == [1]
+    ended = ["RunPlanned", "IterationStep", "RunPlayed", "CampaignStatus", "RecordingClosed"]
+    assert lab.recorder.kinds("cut-short")[STEPS_BEFORE_PLAYBACKS:] == ended
+    lab.reset("front")
 
 
 def test_a_drive_beyond_the_limits_is_not_played_and_the_fault_says_what_would_fit(lab):

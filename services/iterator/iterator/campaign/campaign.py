@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -43,11 +46,21 @@ from iterator.campaign.specimen_cost import (
     require_budget,
 )
 from iterator.campaign.status_board import StatusBoard
+from iterator.holds import ProposedPlayback, Revision
 from iterator.iteration_loop import iterate
 from iterator.limits import DriveLimitError, DriveOverrunError
 from iterator.playbacks import NOTHING_KNOWN, Iteration, KnownBefore
 
 _PAUSED: Final = "paused"
+
+
+@dataclass(frozen=True)
+class _Storing:
+    """A playback that is stored while the next drive is computed. `show`: Shows it to the clients once it is stored."""
+
+    activity: str
+    stored: Future[None]
+    show: Callable[[], None]
 
 
 class Campaign:
@@ -92,6 +105,9 @@ class Campaign:
         )
         self._metrics: list[IterationMetrics] = []
         self._best: Iteration | None = None
+        self._storage = ThreadPoolExecutor(1, thread_name_prefix=f"storage-{self._id}")
+        self._storing: _Storing | None = None
+        self._stored_activity = ""
 
     @property
     def _plan(self) -> CampaignPlan:
@@ -128,6 +144,7 @@ class Campaign:
             self._journal.exception("The campaign could not be brought to its end.", step=self._step)
         finally:
             self._journal.info("campaign ended", how=final.activity)
+            self._storage.shutdown()
             self._on_end()
             self._board.end(final)
 
@@ -190,11 +207,14 @@ class Campaign:
             identification_damage=spent_before,
             target_damage=plan.target_damage,
             on_forecast=self._foretell,
-            decide=self._holds.decide if self._holds.are_possible else None,
+            decide=self._decide if self._holds.are_possible else None,
             known=self._known,
         )
         try:
-            outcome = self._iterated(iterations, recorded=len(recorded))
+            try:
+                outcome = self._iterated(iterations, recorded=len(recorded))
+            finally:
+                self._finish_storing()
         except EndedAtHoldPointError as ended:
             outcome = self._ended_at_hold_point(str(ended))
         self._board.add_remarks(budget_remarks(outcome, tuple(self._metrics), plan=self._plan))
@@ -203,19 +223,16 @@ class Campaign:
         return outcome
 
     def _iterated(self, iterations: Iterator[Iteration], *, recorded: int) -> Outcome:
-        """Make, store and show every playback; return why the iteration ended."""
+        """Make, store and show every playback; return why the iteration ended.
+
+        A playback is stored while the next drive is computed, and before anything of that drive is shown or played.
+        """
         while True:
             computing = f"computing the drive of {self._iteration_name()}"
             with self._doing(computing, phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
                 last = self._next(iterations)
             plan = self._plan
-            if last.number > recorded:
-                with self._doing(f"storing {self._iteration_name()}", share=1.0):
-                    step = step_message(last, self._playback.played, plan=plan)
-                    self._store_playback(step, drive=last.drive, response=last.response)
-                self._estimate.step_done()
-            else:
-                self._estimate.step_was_done()
+            activity = f"storing {self._iteration_name()}"
             self._metrics.append(last.metrics)
             best_number = best_at_full_level(
                 tuple(self._metrics), plan.settings.levels, outcome=last.outcome, since=last.comparable_from - 1
@@ -224,9 +241,45 @@ class Campaign:
                 self._best = last
             warnings = self._playback.played.warnings if last.number > recorded else ()
             remarks = remarks_of(last, plan=plan, recorded=self._before.iterations, warnings=warnings)
-            self._board.add_iteration(metrics_message(last, plan=plan), best_iteration=best_number, remarks=remarks)
+            message = metrics_message(last, plan=plan)
+            show = partial(self._board.add_iteration, message, best_iteration=best_number, remarks=remarks)
+            if last.number > recorded:
+                with self._doing(activity, share=1.0):
+                    step = step_message(last, self._playback.played, plan=plan)
+                    stored = self._storage.submit(self._store_beside, activity, step, last)
+                    self._storing = _Storing(activity, stored, show)
+                self._estimate.step_done()
+            else:
+                self._estimate.step_was_done()
+                show()
             if last.outcome is not None:
                 return last.outcome
+
+    def _store_beside(self, activity: str, step: iterator_pb2.IterationStep, made: Iteration) -> None:
+        """Store a playback, on the storage thread."""
+        self._stored_activity = activity
+        try:
+            with span(activity, SpanKind.MATHEMATICS):
+                self._store_playback(step, drive=made.drive, response=made.response)
+        finally:
+            self._stored_activity = ""
+
+    def _finish_storing(self) -> None:
+        """Wait until the last playback is stored and show it; raises the fault if it could not be stored."""
+        storing, self._storing = self._storing, None
+        if storing is None:
+            return
+        try:
+            storing.stored.result()
+        except BaseException:
+            self._step = storing.activity
+            raise
+        storing.show()
+
+    def _decide(self, number: int, proposed: ProposedPlayback | None) -> Revision | None:
+        """Return the changes of a decision before a playback; callback of the iteration."""
+        self._finish_storing()
+        return self._holds.decide(number, proposed)
 
     def _ended_at_hold_point(self, sentence: str) -> Outcome:
         """End by a decision: with the best playback so far, or as stopped if there is none."""
@@ -245,7 +298,7 @@ class Campaign:
             if (fault.code, fault.field) != SAMPLES_LACK:
                 raise
             self._journal.warning(
-                "A step is stored with its samples.", step=self._step, run=step.run, why=fault.message
+                "A step is stored with its samples.", step=self._shown_step, run=step.run, why=fault.message
             )
             self._log.commit(whole)
         self._log.commit(run_played(step, rig=self.rig))
@@ -315,11 +368,13 @@ class Campaign:
 
     def _foretell(self, forecast: Forecast) -> None:
         """Show the predicted error of the next playback before it is played."""
+        self._finish_storing()
         error = forecast.metrics.overall_relative_rms_error
         self._board.show(f"predicted error of {self._iteration_name()}: {error:.1%}", self._estimate.at(0.0))
 
     def _play(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
         """Play a drive on the rig; callback of the iteration."""
+        self._finish_storing()
         number, outer = len(self._metrics) + 1, self._step
         activity = f"playing {self._iteration_name()} on {self.rig}"
         with self._doing(activity):
@@ -403,9 +458,15 @@ class Campaign:
 
     def _show_waiting(self, why: str) -> None:
         """Show that the campaign pauses because its next step cannot be stored yet."""
+        step = self._shown_step
         if why and not self._board.snapshot().activity.startswith(_PAUSED):
-            self._journal.warning("The campaign waits for its recorder.", step=self._step, why=why)
-        self._board.show(f"{_PAUSED} while {self._step}: {why}" if why else self._step, self._estimate.at(0.0))
+            self._journal.warning("The campaign waits for its recorder.", step=step, why=why)
+        self._board.show(f"{_PAUSED} while {step}: {why}" if why else step, self._estimate.at(0.0))
+
+    @property
+    def _shown_step(self) -> str:
+        """The step that is being stored, or else the present one."""
+        return self._stored_activity or self._step
 
     def _finished(self, outcome: Outcome) -> iterator_pb2.CampaignStatus:
         final = self._board.final_status(
