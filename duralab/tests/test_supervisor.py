@@ -47,6 +47,16 @@ def test_services_are_live_after_start_and_gone_after_stop(bus, fake_services, t
     assert "ready" in (tmp_path / "logs" / "steady.log").read_text()
 
 
+def test_services_that_are_being_ended_are_no_failure_and_gone_after_stop(bus, fake_services, tmp_path):
+    with Supervisor([ServicePlan("steady")], bus=bus, logs=tmp_path) as supervisor:
+        supervisor.start(timeout_seconds=60)
+        pids = list(supervisor.process_ids.values())
+        supervisor.begin_stop()
+        supervisor.begin_stop()
+        assert wait_until_gone(pids, seconds=10.0) == []
+        assert supervisor.failure() is None
+
+
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
 @pytest.mark.parametrize(("given", "threads"), [(None, "1"), ("2", "2")])
 def test_services_compute_on_one_thread_unless_told_otherwise(

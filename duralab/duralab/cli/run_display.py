@@ -147,12 +147,17 @@ def follow(
     *,
     iterations: int | None,
     endpoint: str,
+    on_fetched: Callable[[], None] = lambda: None,
 ) -> tuple[CampaignResult, Path]:
-    """Run a campaign with a progress display, print its figures, and return it and its report."""
+    """Run a campaign with a progress display, print its figures, and return it and its report.
+
+    `on_fetched`: Called when the lab is no longer needed, before the report is written.
+    """
     # What draws the report takes a second to import, and this process waits for the rig meanwhile.
     import_in_background("duralab.report.campaign_report", "pylife.stress.rainflow")
     with RunDisplay(output.console, iterations=iterations, endpoint=endpoint) as display:
         result = run(display.show)
+        on_fetched()
         display.write_report()
         with span("write the report", SpanKind.REPORT):
             report = result.report()

@@ -75,6 +75,14 @@ class Lab:
         """Return the error of a service of this lab that ended unexpectedly; None if there is none."""
         return self._supervisor.failure() if self._supervisor is not None else None
 
+    def end_services(self) -> None:
+        """Begin to end the services that this process started, before the `with` statement ends; request nothing more.
+
+        The services of a lab that this process has joined continue.
+        """
+        if self._supervisor is not None:
+            self._supervisor.begin_stop()
+
     @property
     def process_ids(self) -> dict[str, int]:
         """Process id of each service that this process started."""

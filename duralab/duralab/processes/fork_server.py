@@ -24,14 +24,14 @@ from typing import Any, Final, NoReturn
 
 LARGEST_PACKET: Final = 65_536
 
-_SHARED: Final = ("duralab_bus", "duralab_settings", "duralab_gateway", "duralab_loads", "duralab_spectra")
+_SHARED: Final = ("duralab_bus", "duralab_settings", "duralab_gateway")
 """Modules that most services import at their start."""
 
 _SIMULATOR: Final = "rig_sim"
 _AHEAD: Final = (_SIMULATOR, "recorder", "identifier", "iterator")
 """Services of every lab, whose imports are made until the first request arrives; the slowest first."""
 
-_MATHEMATICS: Final = ("duralab_drive_map", "scipy.ndimage", "scipy.special")
+_MATHEMATICS: Final = ("duralab_loads", "duralab_spectra", "duralab_drive_map", "scipy.ndimage", "scipy.special")
 """Modules of the services that do mathematics: imported while the simulator, which needs none, loads its rigs."""
 
 if sys.platform != "win32":  # which has no fork

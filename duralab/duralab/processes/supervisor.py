@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from importlib.util import find_spec
 from itertools import groupby
 from pathlib import Path
+from threading import Thread
 from types import MappingProxyType
 from typing import IO, Final, Self
 
@@ -37,7 +38,7 @@ LOG_LINES: Final = 3
 LAB_EXTRA: Final = "pip install 'duralab[lab]'"
 """Command that installs all services of a lab; `duralab` alone is a client of running labs."""
 
-_POLL_SECONDS: Final = 0.05
+_POLL_SECONDS: Final = 0.01
 # Stack traces of Zenoh's threads may follow the relevant line; 17 kB were seen.
 _TAIL_BYTES: Final = 1_048_576
 _TRACE_LINES: Final = (
@@ -129,6 +130,7 @@ class Supervisor:
         self._trace_folder = trace_folder
         self._configs = Path(tempfile.mkdtemp(prefix="duralab-"))
         self._processes: dict[str, ServiceProcess] = {}
+        self._ending: Thread | None = None
 
     @property
     def process_ids(self) -> dict[str, int]:
@@ -187,7 +189,9 @@ class Supervisor:
         return self._logs / f"{name}.log"
 
     def failure(self) -> ServiceEndedError | None:
-        """Return the error of a service that ended unexpectedly, or None while all services run."""
+        """Return the error of a service that ended unexpectedly, or None while all run or are being ended."""
+        if self._ending is not None:
+            return None
         for name, process in self._processes.items():
             if (code := process.poll()) is not None:
                 log = self.log_path(name)
@@ -202,8 +206,20 @@ class Supervisor:
                 )
         return None
 
+    def begin_stop(self) -> None:
+        """Begin to end all services, and return at once; `stop` waits for the end."""
+        if self._ending is None:
+            self._ending = Thread(target=self._end_all, name="duralab-stop")
+            self._ending.start()
+
     def stop(self) -> None:
         """End all services within a few seconds, by force if necessary."""
+        if self._ending is not None:
+            self._ending.join()
+        else:
+            self._end_all()
+
+    def _end_all(self) -> None:
         *first, last = (plan.name for plan in self._plans)
         with span("stop the services", SpanKind.START):
             for names in (first, [last]):

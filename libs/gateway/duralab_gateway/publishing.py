@@ -93,6 +93,10 @@ class Clock:
 
 LARGEST_RATE = 60.0
 _POSES = 10
+# A playback faster than real time has its poses published at the pace of the clock: each message costs far more than
+# its content.
+_POSES_SECONDS = _POSES / LARGEST_RATE
+_MOST_POSES = 50 * _POSES
 # No service stores poses: a view that missed the last seconds can still request them.
 _KEPT_BYTES = 2**20
 
@@ -110,6 +114,7 @@ class PoseStream:
         self._times: list[float] = []
         self._frames: list[np.ndarray] = []
         self._next = 0.0
+        self._published_at = time.monotonic()
 
     def add(self, seconds: float, frames: Callable[[], np.ndarray | None]) -> None:
         """Add the frames (bodies, 12) at a time of the run; not requested if they would come too often."""
@@ -118,7 +123,8 @@ class PoseStream:
         self._next = seconds + 1.0 / LARGEST_RATE
         self._times.append(seconds)
         self._frames.append(shown)
-        if len(self._times) >= _POSES:
+        enough = len(self._times) >= _POSES and time.monotonic() - self._published_at >= _POSES_SECONDS
+        if enough or len(self._times) >= _MOST_POSES:
             self.flush()
 
     def flush(self) -> None:
@@ -128,5 +134,5 @@ class PoseStream:
         block = rig_pb2.PoseBlock(
             run=self._run, time=to_array(np.array(self._times)), poses=to_array(to_poses(np.stack(self._frames)))
         )
-        self._times, self._frames = [], []
+        self._times, self._frames, self._published_at = [], [], time.monotonic()
         self._publisher.put(block)

@@ -1,9 +1,13 @@
 """Poses for a view: against Drake, and quaternions against scipy in every corner."""
 
+from types import SimpleNamespace
+
 import numpy as np
+import pytest
 from pydrake.multibody.tree import BodyIndex
 from scipy.spatial.transform import Rotation
 
+import duralab_gateway.publishing
 from duralab_gateway.motion import to_poses
 from duralab_gateway.publishing import PoseStream
 from rig_sim import shipped_specimens
@@ -55,6 +59,22 @@ class Wire:
         self.sent.append(message)
 
 
+@pytest.mark.parametrize(("speed", "most"), [(1.0, 11), (100.0, 500)])
+def test_poses_are_published_six_times_a_second_or_in_blocks_of_500(monkeypatch, front_axle, speed, most):
+    now, wire = 0.0, Wire()
+    monkeypatch.setattr(duralab_gateway.publishing, "time", SimpleNamespace(monotonic=lambda: now))
+    stream = PoseStream(wire, "front_axle")
+    frames = front_axle.poses.frames(front_axle.rest[: front_axle.model.position_count])
+    for sample in range(1, 1201):
+        now = sample / 60.0 / speed
+        stream.add(sample / 60.0 + 1e-9 * sample, lambda: frames)
+    stream.flush()
+    sizes = [len(np.frombuffer(block.time.data)) for block in wire.sent]
+    assert sum(sizes) == 1200
+    assert max(sizes) <= most
+    assert len(sizes) == pytest.approx(6.0 * 1200 / 60.0 / speed, rel=0.2, abs=2)
+
+
 def test_no_more_than_sixty_poses_a_second_are_published(front_axle):
     wire = Wire()
     stream = PoseStream(wire, "front_axle")
@@ -63,6 +83,8 @@ def test_no_more_than_sixty_poses_a_second_are_published(front_axle):
         stream.add(sample / 1000.0, lambda: front_axle.poses.frames(front_axle.rest[: front_axle.model.position_count]))
     stream.flush()
     times = np.concatenate([np.frombuffer(block.time.data) for block in wire.sent])
+    # The two seconds took no time, so they are one message.
+    assert len(wire.sent) == 1
     assert 110 <= len(times) <= 120
     assert np.diff(times).min() >= 1.0 / 60.0
     assert {block.run for block in wire.sent} == {"a"}

@@ -99,8 +99,12 @@ def run(
                 out=folder,
                 viewer=address,
                 trace_folder=traces,
-                # Some steps of the target's editor need scipy.signal, and they run as soon as the lab is up.
-                needs_later=("duralab.cli.run_display", *(("scipy.signal",) if plan.target.edit else ())),
+                # The target is made as soon as the lab is up; some steps of its editor need scipy.signal.
+                needs_later=(
+                    "duralab.cli.run_display",
+                    *(("duralab_roads",) if plan.target.file is None else ()),
+                    *(("scipy.signal",) if plan.target.edit else ()),
+                ),
             )
         )
         from duralab.cli.run_display import conclude, follow
@@ -115,6 +119,8 @@ def run(
             lambda on_progress: lab.run(plan, out=folder, on_progress=on_progress),
             iterations=plan.stop.iterations,
             endpoint=endpoint or lab.endpoints[0],
+            # The operator page and the viewer use the lab until they are closed.
+            on_fetched=(lambda: None) if page or viewer is not None else lab.end_services,
         )
         if (viewer is not None or page) and output.console.is_terminal:
             _leave_open(viewer, output)
@@ -242,6 +248,7 @@ def resume(
             ),
             iterations=iterations,
             endpoint=endpoint or lab.endpoints[0],
+            on_fetched=lab.end_services,
         )
     conclude(output, result, report)
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Final
 import structlog
 from google.protobuf.message import Message
 
+from duralab_bus import import_in_background
 from duralab_proto.v1 import iterator_pb2, rig_pb2
 from recorder.format import Part, files_of, recording_path
 from recorder.work_thread import WorkThread
@@ -44,7 +45,7 @@ class LiveViews:
         self._log = structlog.get_logger("recorder")
         self._thread = WorkThread("recorder-view")
         # Rerun is imported before the first recording, without a delay of the recorder's start.
-        self._thread.offer(_import_rerun)
+        import_in_background("recorder.live.rebuild", then=_freeze_modules)
 
     def show_step(self, recording: str, message: Message) -> None:
         """Draw a committed step; the first of a recording opens its view."""
@@ -146,9 +147,7 @@ class LiveViews:
             self._log.exception("the live view cannot be made again", recording=recording)
 
 
-def _import_rerun() -> None:
-    import recorder.live.rebuild  # noqa: F401 - takes half a second; the drawing code finds it imported
-
+def _freeze_modules() -> None:
     # Modules stay imported. Rerun's streams are released only by a garbage collection after every recording; without
     # the freeze it spends most of its time on ninety thousand objects of modules.
     gc.collect()
