@@ -19,6 +19,8 @@ from duralab_proto.v1 import query_pb2, rig_pb2
 
 COMMANDER_GONE = "its commander is gone"
 _STATE_SECONDS = 0.5
+#: As often as the bus sends progress; a rig that plays fast has thousands of blocks a second.
+_PROGRESS_SECONDS = 0.05
 #: Paced in real time, the player is ahead of the clock by a slice; so a stop is noticed within one.
 _PACED_SECONDS = 0.02
 _ROOM_POLL_SECONDS = 0.01
@@ -166,6 +168,7 @@ class PlaybackSession:
         self._report_state()
         samples = playback.response.shape[1]
         began = reported = time.monotonic()
+        told = 0.0
         for block in spans(playback.blocks(), "play a block", SpanKind.PLAYBACK):
             done = playback.samples_done
             ends = run.wait_for_stop(clock.ahead(block))
@@ -181,9 +184,11 @@ class PlaybackSession:
                 self._break_off(run, playback, publish, clock, trip or shortage)
             now = time.monotonic()
             self._interlock.fraction = done / samples
-            # The bus drops surplus progress; the state stream is public.
-            left = (now - began) * (samples - done) / done
-            call.progress("playing", done / samples, remaining_seconds=left, detail=run.name)
+            # The state stream is public, the progress is the commander's.
+            if now - told >= _PROGRESS_SECONDS:
+                told = now
+                left = (now - began) * (samples - done) / done
+                call.progress("playing", done / samples, remaining_seconds=left, detail=run.name)
             if now - reported >= _STATE_SECONDS:
                 reported = now
                 self._report_state()

@@ -20,7 +20,7 @@ from rig_sim.specimen import InputChannel, Quantity
 from rig_sim.structure import StructureRig
 
 #: Number of blocks that a simulation ahead of the clock publishes as one.
-_BLOCKS_TOGETHER = 4
+_BLOCKS_TOGETHER = 6
 
 
 def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:

@@ -39,7 +39,7 @@ def bus(tmp_path_factory):
 def test_drake_plays_over_the_bus_what_a_notebook_gets(bus, front_axle_by_drake, front_axle_compliant):
     keys = bus.keys
     told = bus.query(keys.rig_description(RIG), rig_pb2.DescriptionRequest(), rig_pb2.RigDescription)
-    assert (told.engine, told.block_samples) == ("drake", 4 * front_axle_by_drake.block_samples)
+    assert (told.engine, told.block_samples) == ("drake", 6 * front_axle_by_drake.block_samples)
     assert told.content_hash == front_axle_by_drake.content_hash
     drive = 0.005 * (1.0 - np.cos(2 * np.pi * 10.0 * np.arange(150) / 1000.0)) * np.ones((6, 1))
     request = rig_pb2.PlayRequest(run="drake", drive=to_record(told.drives, 1000.0, drive), seed=4)

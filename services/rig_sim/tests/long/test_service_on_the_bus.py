@@ -118,7 +118,7 @@ def test_description_tells_channels_limits_and_static_forces(lab, front_axle_com
     assert [channel.name for channel in told.responses] == list(front_axle_compliant.model.response_names)
     assert {(channel.unit, channel.minimum < 0 < channel.maximum) for channel in told.drives} == {("m", True)}
     assert {channel.unit for channel in told.responses} == {"N"}
-    assert (told.rig, told.engine, told.sample_rate, told.block_samples) == (RIG, "compiled", 1000.0, 400)
+    assert (told.rig, told.engine, told.sample_rate, told.block_samples) == (RIG, "compiled", 1000.0, 600)
     np.testing.assert_array_equal(from_array(told.static_response), front_axle_compliant.static_response)
     assert told.content_hash == front_axle_compliant.content_hash
 
@@ -128,11 +128,11 @@ def test_stream_blocks_are_contiguous_and_equal_the_result(lab, front_axle_compl
     result = lab.play("blocks", drive, seed=7)
     lab.wait_for(lambda: len(lab.blocks_of("blocks")) == result.blocks)
     items = lab.blocks_of("blocks")
-    assert result.blocks == 6
+    assert result.blocks == 4
     assert {item.epoch for item in items} == {result.epoch}
-    assert [item.seq for item in items] == list(range(6))
-    assert [item.message.first_sample for item in items] == list(range(0, 2345, 400))
-    assert [item.message.last for item in items] == [False] * 5 + [True]
+    assert [item.seq for item in items] == list(range(4))
+    assert [item.message.first_sample for item in items] == list(range(0, 2345, 600))
+    assert [item.message.last for item in items] == [False] * 3 + [True]
     _, rate, response = from_record(result.response)
     assert rate == 1000.0
     np.testing.assert_array_equal(np.hstack([from_array(item.message.response) for item in items]), response)

@@ -214,7 +214,7 @@ def test_a_paced_playback_has_the_same_bytes_in_blocks_of_a_tenth_of_a_second(cl
     drive = wave(0.75)
     first, second = client.play("fast", drive), client.play("paced", drive, real_time=True)
     assert first.response.samples.data == second.response.samples.data
-    for told, run, sizes in ((first, "fast", [400, 350]), (second, "paced", [100] * 7 + [50])):
+    for told, run, sizes in ((first, "fast", [600, 150]), (second, "paced", [100] * 7 + [50])):
         np.testing.assert_array_equal(client.drive_of(run), drive)
         assert [block.response.shape[1] for block in client.blocks if block.run == run] == sizes
         assert told.blocks == len(sizes)
