@@ -1,8 +1,9 @@
 """Tiers of the tests: what lies in one of these folders is long, and `make test` leaves it to `make test-all`."""
 
 import subprocess
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Container, Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -30,6 +31,34 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
         terminalreporter.section("times of the tutorials")
         for text in lines:
             terminalreporter.write_line(text)
+
+
+class LossyLink:
+    """Stands in for the Zenoh publisher under a StreamPublisher and loses some of its messages, as a full link does."""
+
+    def __init__(self, publisher: Any, *, lost: Container[int]) -> None:
+        self._publisher, self._lost, self._seq = publisher, lost, 0
+
+    def put(self, payload: Any, **options: Any) -> None:
+        """Publish a message, or lose it."""
+        if self._seq not in self._lost:
+            self._publisher.put(payload, **options)
+        self._seq += 1
+
+    def undeclare(self) -> None:
+        """End the publisher."""
+        self._publisher.undeclare()
+
+
+@pytest.fixture(scope="session")
+def lose() -> Callable[[Any, Container[int]], None]:
+    """Let the next messages of a publisher be lost that have these numbers, counted from here."""
+
+    def put_link(publisher: Any, numbers: Container[int]) -> None:
+        # No link can be told to lose certain messages.
+        publisher._publisher.current = LossyLink(publisher._publisher.current, lost=numbers)  # noqa: SLF001
+
+    return put_link
 
 
 @pytest.fixture

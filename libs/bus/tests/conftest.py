@@ -43,31 +43,6 @@ class Processes:
                     stream.close()
 
 
-class LossyLink:
-    """Stands in for the Zenoh publisher under a StreamPublisher and loses some of its messages."""
-
-    def __init__(self, publisher, *, lost):
-        self._publisher, self._lost, self._seq = publisher, lost, 0
-
-    def put(self, payload, **options):
-        if self._seq not in self._lost:
-            self._publisher.put(payload, **options)
-        self._seq += 1
-
-    def undeclare(self):
-        self._publisher.undeclare()
-
-
-@pytest.fixture(scope="session")
-def lose():
-    """Let the next messages of a publisher be lost that have these numbers, counted from here."""
-
-    def put_link(publisher, numbers):
-        publisher._publisher.current = LossyLink(publisher._publisher.current, lost=numbers)
-
-    return put_link
-
-
 @pytest.fixture(scope="session")
 def until():
     """Wait for a condition that comes true unless something is broken."""
