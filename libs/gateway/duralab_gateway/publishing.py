@@ -96,7 +96,8 @@ _POSES = 10
 # A playback faster than real time has its poses published at the pace of the clock: each message costs far more than
 # its content.
 _POSES_SECONDS = _POSES / LARGEST_RATE
-_MOST_POSES = 20 * _POSES
+# Of a dozen bodies, half of what fits one batch of Zenoh's (64 KB).
+_MOST_POSES = 5 * _POSES
 # No service stores poses: a view that missed the last seconds can still request them.
 _KEPT_BYTES = 2**20
 

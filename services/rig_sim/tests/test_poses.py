@@ -59,8 +59,8 @@ class Wire:
         self.sent.append(message)
 
 
-@pytest.mark.parametrize(("speed", "most", "messages"), [(1.0, 11, 120), (8.0, 90, 15), (100.0, 200, 6)])
-def test_poses_are_published_six_times_a_second_or_in_blocks_of_200(monkeypatch, front_axle, speed, most, messages):
+@pytest.mark.parametrize(("speed", "most", "messages"), [(1.0, 11, 120), (4.0, 45, 30), (100.0, 50, 24)])
+def test_poses_are_published_six_times_a_second_or_in_blocks_of_50(monkeypatch, front_axle, speed, most, messages):
     now, wire = 0.0, Wire()
     monkeypatch.setattr(duralab_gateway.publishing, "time", SimpleNamespace(monotonic=lambda: now))
     stream = PoseStream(wire, "front_axle")
