@@ -83,8 +83,6 @@ def test_no_more_than_sixty_poses_a_second_are_published(front_axle):
         stream.add(sample / 1000.0, lambda: front_axle.poses.frames(front_axle.rest[: front_axle.model.position_count]))
     stream.flush()
     times = np.concatenate([np.frombuffer(block.time.data) for block in wire.sent])
-    # The two seconds took no time, so they are one message.
-    assert len(wire.sent) == 1
     assert 110 <= len(times) <= 120
     assert np.diff(times).min() >= 1.0 / 60.0
     assert {block.run for block in wire.sent} == {"a"}
