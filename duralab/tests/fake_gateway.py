@@ -16,7 +16,7 @@ from duralab_proto.v1 import query_pb2, rig_pb2
 
 BLOCK = 20
 RATE = 200.0
-#: How long after its run a gateway publishes that does it late, in seconds.
+#: Delay after the run of a gateway that publishes late, in seconds.
 LATE_SECONDS = 3.0
 
 
@@ -225,7 +225,7 @@ class Gateway:
                 if not last:
                     return
                 if request.real_time and self.has(Defect.PUBLISHES_LATE):
-                    # Clearly too late also for a check that a busy machine told late of the begin.
+                    # Late enough even if a busy machine reports the begin late to the check.
                     self.never.wait(LATE_SECONDS)
             else:
                 held[:] = [block]

@@ -265,7 +265,6 @@ def test_a_recorder_that_refuses_ends_the_campaign_before_the_next_playback(lab)
 def first_playback_being_stored(lab, id):
     """A campaign whose recorder takes its time with the first playback; yields the event that lets it store it."""
     arrived, may_store = threading.Event(), threading.Event()
-    lab.start(specification(id))
 
     def watch(recording, step, stored):
         if recording == id and step == STEPS_BEFORE_PLAYBACKS + 1 and not stored:
@@ -274,6 +273,7 @@ def first_playback_being_stored(lab, id):
 
     lab.recorder.watch = watch
     try:
+        lab.start(specification(id))
         assert arrived.wait(20.0)
         yield may_store
     finally:
@@ -291,7 +291,7 @@ def wait_for_activity(lab, id, activity):
 def test_the_next_drive_is_computed_while_a_playback_is_stored_and_not_played_before(lab):
     with first_playback_being_stored(lab, "beside") as may_store:
         wait_for_activity(lab, "beside", "computing the drive of iteration 2 of 3")
-        # Neither what is not stored is shown, nor is the next motion announced.
+        # Before it is stored, its figures are not shown and the next motion is not announced.
         assert len(lab.status("beside").iterations) == 0
         assert lab.recorder.kinds("beside").count("RunPlanned") == 2
         assert lab.rig_state("front").mode == rig_pb2.RIG_MODE_IDLE

@@ -73,8 +73,9 @@ class WatchdogMonitor:
 
     def __init__(self, watchdogs: Sequence[Watchdog], *, sample_rate: float) -> None:
         self._sample_rate = sample_rate
-        self._dogs = sorted(watchdogs, key=lambda dog: _SOURCES.index(dog.source))
-        self._rows = {source: _rows_of(self._dogs, source) for source in _SOURCES if _rows_of(self._dogs, source).size}
+        by_source = {source: [dog for dog in watchdogs if dog.source is source] for source in Source}
+        self._dogs = [dog for dogs in by_source.values() for dog in dogs]
+        self._rows = {source: np.array([dog.row for dog in dogs]) for source, dogs in by_source.items() if dogs}
         self._minimum = np.array([[dog.minimum] for dog in self._dogs])
         self._maximum = np.array([[dog.maximum] for dog in self._dogs])
 
@@ -99,10 +100,3 @@ class WatchdogMonitor:
         dog, value = self._dogs[which], float(watched[which, sample])
         limit = dog.minimum if value < dog.minimum else dog.maximum
         return Trip(dog, value, limit, (block.first_sample + sample) / self._sample_rate)
-
-
-_SOURCES = (Source.RESPONSE, Source.FOLLOWING_ERROR, Source.MONITORED)
-
-
-def _rows_of(dogs: Sequence[Watchdog], source: Source) -> np.ndarray:
-    return np.array([dog.row for dog in dogs if dog.source is source], dtype=int)
