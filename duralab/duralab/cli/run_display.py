@@ -154,7 +154,7 @@ def follow(
     `on_fetched`: Called when the lab is no longer needed, before the report is written.
     """
     # What draws the report takes a second to import, and this process waits for the rig meanwhile.
-    import_in_background("duralab.report.campaign_report", "pylife.stress.rainflow")
+    import_in_background("duralab.report.campaign_report")
     with RunDisplay(output.console, iterations=iterations, endpoint=endpoint) as display:
         result = run(display.show)
         on_fetched()

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cache
+from importlib.machinery import PathFinder
+from importlib.util import find_spec, module_from_spec
 from typing import Final
 
 import numpy as np
@@ -71,22 +75,18 @@ def count_load_cycles(signal: ArrayLike) -> LoadCycles:
     Source: ASTM E1049-85, section 5.4.4, rainflow counting. Four-point counting with the residual as half cycles gives
     the same cycles.
     """
-    # pylife imports pandas, which takes a second: only callers that count cycles wait for it.
-    from pylife.stress.rainflow import FourPointDetector, FullRecorder
-
     values = as_signal(signal)
-    recorder = FullRecorder()
-    detector = FourPointDetector(recorder=recorder).process(values)
-    residual = np.asarray(detector.residuals, dtype=np.float64)
-    start = np.concatenate([np.asarray(recorder.values_from, dtype=np.float64), residual[:-1]])
-    end = np.concatenate([np.asarray(recorder.values_to, dtype=np.float64), residual[1:]])
-    places = np.asarray(detector.residual_index, dtype=np.intp)
-    starts = np.concatenate([np.asarray(recorder.index_from, dtype=np.intp), places[:-1]])
-    ends = np.concatenate([np.asarray(recorder.index_to, dtype=np.intp), places[1:]])
+    places = _turning_points(values)
+    from_values, to_values, from_places, to_places, left = _four_point_loop()(values[places], places)
+    residual = places[left]
+    start = np.concatenate([from_values, values[residual[:-1]]])
+    end = np.concatenate([to_values, values[residual[1:]]])
+    starts = np.concatenate([from_places, residual[:-1]]).astype(np.intp)
+    ends = np.concatenate([to_places, residual[1:]]).astype(np.intp)
     counts = np.ones(start.size)
-    counts[start.size - residual[1:].size :] = 0.5
+    counts[len(from_values) :] = 0.5
     ranges = np.abs(end - start)
-    # A signal that ends on a turning point or is constant has that value twice in its residual.
+    # The last sample of a signal that ends on a plateau, or is constant, has the value of the turning point before it.
     moved = ranges > 0.0
     return LoadCycles(
         ranges=ranges[moved],
@@ -95,6 +95,37 @@ def count_load_cycles(signal: ArrayLike) -> LoadCycles:
         starts=starts[moved],
         ends=ends[moved],
     )
+
+
+def _turning_points(values: NDArray[np.float64]) -> NDArray[np.uintp]:
+    """Return the sample numbers of all turning points, of a plateau its first; the first and last sample are two."""
+    plateaus = np.flatnonzero(np.concatenate([[True], values[1:] != values[:-1]]))
+    rising = np.diff(values[plateaus]) > 0.0
+    turns = plateaus[1:-1][rising[1:] != rising[:-1]]
+    return np.concatenate([[0], turns, [len(values) - 1]]).astype(np.uintp)
+
+
+@cache
+def _four_point_loop() -> Callable[
+    [NDArray[np.float64], NDArray[np.uintp]],
+    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uintp], NDArray[np.uintp], NDArray[np.uintp]],
+]:
+    """Return pylife's compiled loop, loaded without pylife's package.
+
+    The package imports pandas: 0.5 s of a processor in every process that counts cycles.
+    """
+    name = "pylife.rainflow_ext"
+    package = find_spec("pylife")
+    spec = PathFinder.find_spec(name, package.submodule_search_locations) if package is not None else None
+    if spec is None or spec.loader is None:
+        raise ImportError(f"Counting of load cycles needs {name}, which is not installed; install pylife.", name=name)
+    module = sys.modules.get(name)
+    if module is None:
+        module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        # For a program that also imports pylife: an extension is loaded once.
+        sys.modules[name] = module
+    return module.fourpoint_loop
 
 
 def pseudo_damage(cycles: LoadCycles, exponent: float) -> float:

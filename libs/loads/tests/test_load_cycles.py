@@ -1,10 +1,14 @@
+import subprocess
+import sys
 from collections import defaultdict
+from itertools import pairwise
 
 import numpy as np
 import pytest
 import rainflow
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pylife.stress.rainflow import FourPointDetector, FullRecorder
 
 from duralab_loads import channel_damage, count_load_cycles, damage_ratio, pseudo_damage
 
@@ -30,6 +34,22 @@ def test_plateaus_and_ties_are_counted_as_the_peer_counts_them(values):
         # The peer sees nothing in a signal that never turns; the standard's residual is half a cycle.
         expected = {float(np.ptp(values)): 0.5} if np.ptp(values) else {}
     assert by_range(count_load_cycles(np.array(values, dtype=float))) == expected
+
+
+@settings(max_examples=150)
+@given(st.lists(st.integers(-6, 6), min_size=1, max_size=60))
+def test_closed_cycles_have_the_turning_points_of_pylife(values):
+    signal = np.array(values, dtype=float)
+    recorder = FullRecorder()
+    detector = FourPointDetector(recorder).process(signal)
+    cycles = count_load_cycles(signal)
+    closed = cycles.counts == 1.0
+    assert cycles.starts[closed].tolist() == list(recorder.index_from)
+    assert cycles.ends[closed].tolist() == list(recorder.index_to)
+    places = [int(place) for place in detector.residual_index]
+    half = list(zip(cycles.starts[~closed].tolist(), cycles.ends[~closed].tolist(), strict=True))
+    assert half == [(begin, end) for begin, end in pairwise(places) if signal[begin] != signal[end]]
+    np.testing.assert_array_equal(cycles.ranges, np.abs(signal[cycles.ends] - signal[cycles.starts]))
 
 
 @pytest.mark.parametrize("samples", [2048, 20001])
@@ -100,3 +120,10 @@ def test_the_damage_of_a_channel_is_that_of_its_cycles_whatever_its_static_part(
     damage = channel_damage(np.stack([zigzag, zigzag + 1e3, np.full(5, 7.0)]))
     expected = [4.0**k + 2.0**k for k in (3.0, 5.0, 8.0)]
     np.testing.assert_allclose(damage, [expected, expected, [0.0, 0.0, 0.0]])
+
+
+def test_counting_imports_no_pandas():
+    program = "import sys; from duralab_loads import count_load_cycles; print(count_load_cycles([0, 1, 0, 2]).counts)"
+    program += "; print('pandas' in sys.modules); import pylife.stress.rainflow"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-1] == "False"

@@ -9,10 +9,5 @@ HOSTED = HostedService(SERVICE, IteratorConfig, lambda _: IteratorService)
 if __name__ == "__main__":
     # Every campaign has its own thread, which holds its records.
     keep_few_arenas(2)
-    # These imports take half a second or more, which would delay the first damage figures.
-    service_main(
-        HOSTED.name,
-        HOSTED.config_type,
-        HOSTED.build,
-        needs_later=("pylife.stress.rainflow", "scipy.interpolate", "scipy.signal"),
-    )
+    # This import takes a third of a second, which would delay the start or the first drive.
+    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build, needs_later=("scipy.interpolate",))

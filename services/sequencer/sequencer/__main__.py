@@ -9,10 +9,4 @@ HOSTED = HostedService(SERVICE, SequencerConfig, build)
 if __name__ == "__main__":
     # Every test has its own thread, which holds its responses.
     keep_few_arenas(2)
-    # These imports take half a second or more, which would delay the first damage figures.
-    service_main(
-        HOSTED.name,
-        HOSTED.config_type,
-        HOSTED.build,
-        needs_later=("pylife.stress.rainflow", "scipy.signal"),
-    )
+    service_main(HOSTED.name, HOSTED.config_type, HOSTED.build)

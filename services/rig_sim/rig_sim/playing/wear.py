@@ -118,7 +118,7 @@ def gain_column(model: RigModel, changes: Mapping[str, float]) -> np.ndarray:
 
 def damage_of(part: WearingPart, load: np.ndarray) -> float:
     """Return the Miner sum of a load (samples,) in N or m."""
-    # Counting imports pylife, which only a rig that wears should wait for.
+    # Only a rig that wears counts cycles; the others need not import it.
     from duralab_loads import count_load_cycles, pseudo_damage
 
     wear = part.wear
