@@ -84,11 +84,7 @@ class PlaybackSession:
             self._latch(str(error).rstrip("."))
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"Nothing was played: {error}") from error
         rate, limit = self._rate, self._description.block_samples
-        # Blocks of a playback that is faster than real time are published together: each message costs the bus and the
-        # recorder far more than its content, and these few milliseconds are not visible. Every block is monitored.
-        size = min(playback.block_samples, limit) if real_time else limit
-        if real_time:
-            playback.cut(_PACED_SECONDS)
+        size = self._message_samples(playback, real_time=real_time)
         publisher = self._bus.publisher(
             self._bus.keys.rig_signal(self._name, request.run), spools=self._spools, durable=True
         )
@@ -130,6 +126,18 @@ class PlaybackSession:
                 self._end(request.run, playback)
         self._log.info("played", run=request.run, seconds=seconds, real_time_factor=factor)
         return self._result(request.run, playback, publish, factor)
+
+    def _message_samples(self, playback: DrivePlayback, *, real_time: bool) -> int:
+        """Set the length of a playback's blocks; return the number of samples that are published together."""
+        limit = self._description.block_samples
+        if real_time:
+            size = min(playback.block_samples, limit)
+            playback.cut(_PACED_SECONDS)
+            return size
+        # Faster than real time, blocks are published together, and played together if the rig can: each costs the
+        # player, the bus and the recorder far more than its content, and these few milliseconds are not visible.
+        playback.play_ahead(limit, self._monitor.first_trip)
+        return limit
 
     def _end(self, run: str, playback: DrivePlayback) -> None:
         try:
@@ -176,7 +184,8 @@ class PlaybackSession:
             ended = done == samples and not trip
             publish(block, last=ended)
             if self._poses is not None:
-                self._poses.add(done / self._rate, playback.frames)
+                for samples_done, frames in playback.instants():
+                    self._poses.add(samples_done / self._rate, frames)
             if ended and not publish.refusal:
                 return
             shortage = publish.refusal or self._lack_of_room(publish.publisher, call, wait=not clock.real_time)

@@ -180,6 +180,17 @@ class DrivePlayback(ABC):
         """Return the present frames (bodies, 12): rotation row by row, then origin in m; None without bodies."""
         return None
 
+    def play_ahead(self, samples: int, ends_run: Callable[[Block], object]) -> None:  # noqa: B027 - most rigs cannot
+        """Let a simulation play blocks of up to `samples`: each costs some time, whatever its length.
+
+        A block that ends the run, by `ends_run` or a fault, is taken back and played in blocks of the usual length, so
+        the run ends where it would have ended with these. A rig that cannot take back what it did does nothing here.
+        """
+
+    def instants(self) -> Sequence[tuple[int, Callable[[], np.ndarray | None]]]:
+        """Return numbers of samples done, in the last block, with what returns the frames then, as `frames` does."""
+        return ((self.samples_done, self.frames),)
+
     def approach(self) -> Iterator[Block]:
         """Move from rest to the drive's first sample and settle there, block by block; nothing if it is zero."""
         while self._next < 0:

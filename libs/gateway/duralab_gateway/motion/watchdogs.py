@@ -78,10 +78,12 @@ class WatchdogMonitor:
         self._rows = {source: np.array([dog.row for dog in dogs]) for source, dogs in by_source.items() if dogs}
         self._minimum = np.array([[dog.minimum] for dog in self._dogs])
         self._maximum = np.array([[dog.maximum] for dog in self._dogs])
+        # A simulation that plays ahead asks about a block before it is published, and again then.
+        self._clear: Block | None = None
 
     def first_trip(self, block: Block) -> Trip | None:
         """Return the earliest violation in a block; of several at one sample, the first by source and order."""
-        if not self._dogs:
+        if not self._dogs or block is self._clear:
             return None
         values = {
             Source.RESPONSE: block.response,
@@ -94,6 +96,7 @@ class WatchdogMonitor:
         inside = watched >= self._minimum
         inside &= watched <= self._maximum
         if np.logical_and.reduce(inside, axis=None):
+            self._clear = block
             return None
         sample = int(np.argmin(inside.all(axis=0)))
         which = int(np.argmin(inside[:, sample]))

@@ -113,12 +113,15 @@ class Playback:
         Sample with a state that is not finite or out of bounds, 0 to samples; None if there is no such sample.
     diverged_states : tuple of str
         Names of these states.
+    states_on_the_way : tuple of ndarray, (states,)
+        States after every so many samples, if they were asked for; the last one is `state`.
     """
 
     outputs: np.ndarray
     state: np.ndarray
     diverged_at: int | None
     diverged_states: tuple[str, ...]
+    states_on_the_way: tuple[np.ndarray, ...] = ()
 
 
 class Steps(TypedDict):
@@ -269,14 +272,15 @@ class CompiledModel(NamedModel):
         substeps: int,
         method: Method = Method.RUNGE_KUTTA_4,
         bounds: ArrayLike | None = None,
+        state_every: int | None = None,
     ) -> Playback:
         """Integrate over a record of commands (inputs, samples + 1) with a fixed step, `substeps` to a sample.
 
         Commands are linear between samples, `sample_interval` in s apart; the extra sample is the one after the record:
         the first of the next chunk, or the last once more. Playing consecutive chunks, each from the state the last one
         ended in, gives the bits of one call. `bounds` are the largest magnitudes of the states, checked at the samples;
-        any finite ones by default. Raises `ValueError` when an array has the wrong shape, a command is not finite, or a
-        number is out of its range.
+        any finite ones by default. If `state_every` is given, the states after every so many samples are returned, too.
+        Raises `ValueError` when an array has the wrong shape, a command is not finite, or a number is out of its range.
         """
         count = len(self.state_names)
         inner = np.zeros(padded(count))
@@ -286,23 +290,28 @@ class CompiledModel(NamedModel):
         limits = self._checked_bounds(bounds)
         samples = command.shape[1] - 1
         outputs = np.empty((len(self.output_names), samples))
-        status = self._play[method](
-            inner.ctypes.data,
-            command.ctypes.data,
-            command.shape[1],
-            outputs.ctypes.data,
-            samples,
-            samples,
-            int(substeps),
-            sample_interval / substeps,
-            limits.address,
-            self._constants_address,
-        )
-        final = inner[self._places]
-        if status == COMPLETED:
-            return Playback(outputs, final, None, ())
-        outside = self._states_outside(final, limits.magnitudes)
-        return Playback(np.ascontiguousarray(outputs[:, :status]), final, int(status), outside)
+        play, every = self._play[method], state_every or max(samples, 1)
+        at, given, found = (array.ctypes.data for array in (inner, command, outputs))
+        passed: list[np.ndarray] = []
+        for begin in range(0, max(samples, 1), every):
+            status = play(
+                at,
+                given + command.itemsize * begin,
+                command.shape[1],
+                found + outputs.itemsize * begin,
+                samples,
+                min(every, samples - begin),
+                int(substeps),
+                sample_interval / substeps,
+                limits.address,
+                self._constants_address,
+            )
+            passed.append(inner[self._places])
+            if status != COMPLETED:
+                outside = self._states_outside(passed[-1], limits.magnitudes)
+                end = begin + int(status)
+                return Playback(np.ascontiguousarray(outputs[:, :end]), passed[-1], end, outside)
+        return Playback(outputs, passed[-1], None, (), tuple(passed) if state_every is not None else ())
 
     def _checked_bounds(self, bounds: ArrayLike | None) -> _Bounds:
         content = b"" if bounds is None else np.asarray(bounds, dtype=np.float64).tobytes()

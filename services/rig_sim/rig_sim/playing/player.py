@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -73,10 +75,16 @@ class UseMeter:
         """Add a block of the drive; its arrays must not change afterwards."""
         if not self._count:
             return
-        self._waiting.append((following_error, outputs))
-        self._samples_waiting += outputs.shape[1]
+        # Before the block is added: it may be taken back.
         if self._samples_waiting >= SAMPLES_COUNTED_AT_ONCE:
             self._count_waiting()
+        self._waiting.append((following_error, outputs))
+        self._samples_waiting += outputs.shape[1]
+
+    def take_back(self) -> None:
+        """Forget the last block."""
+        if self._count:
+            self._samples_waiting -= self._waiting.pop()[1].shape[1]
 
     def _count_waiting(self) -> None:
         following = np.hstack([error[self._driven] for error, _ in self._waiting])
@@ -463,6 +471,10 @@ class Playback(SimulatedPlayback):
         self._meter = UseMeter(self._actuators, drives=rig.model.drive_names, outputs=rig.player.output_names)
         self._bounds = self._state_bounds()
         self._given: Played | None = None
+        # If it plays ahead: the usual length of its blocks, and what tells whether a block ends the run.
+        self._usual: int | None = None
+        self._ends_run: Callable[[Block], object] = lambda _block: None
+        self._instants: list[tuple[int, np.ndarray]] = []
 
     @property
     def rig(self) -> Rig:
@@ -477,6 +489,50 @@ class Playback(SimulatedPlayback):
     def frames(self) -> np.ndarray:
         """Return the poses of the bodies, (bodies, 12)."""
         return self._rig.poses.frames(self.positions)
+
+    def instants(self) -> Sequence[tuple[int, Callable[[], np.ndarray | None]]]:
+        """Return the ends of the usual blocks in the last block, with what returns the frames then."""
+        if not self._instants:
+            return super().instants()
+        positions = self._rig.model.position_count
+        return [
+            (samples_done, partial(self._rig.poses.frames, state[:positions])) for samples_done, state in self._instants
+        ]
+
+    def play_ahead(self, samples: int, ends_run: Callable[[Block], object]) -> None:
+        """Play blocks of up to `samples`; one that ends the run is taken back and played in usual blocks.
+
+        Sensors with faults remember their past, and Drake's engine is slower than real time: then nothing changes.
+        """
+        if not self._rig.faults and self._rig.engine.engine is Engine.COMPILED and samples > self.block_samples:
+            self._usual, self.block_samples, self._ends_run = self.block_samples, samples, ends_run
+
+    def ramp_down(self) -> Iterator[Block]:
+        """Bring all drives to zero, in usual blocks: the end of a run is not taken back."""
+        self._play_usual_blocks()
+        return super().ramp_down()
+
+    def _play_usual_blocks(self) -> None:
+        if self._usual is not None:
+            self.block_samples, self._usual = self._usual, None
+
+    def _go_on(self, commands: np.ndarray, *, counted: bool) -> Block:
+        usual = self._usual
+        if usual is None or commands.shape[1] - 1 <= usual:
+            return super()._go_on(commands, counted=counted)
+        before = self._next, self._heading, self._state, self.samples_moved, len(self._loads)
+        noise = self._noise.bit_generator.state
+        with suppress(RigFaultError):
+            block = super()._go_on(commands, counted=counted)
+            if not self._ends_run(block):
+                return block
+            if counted:
+                self._meter.take_back()
+        self._next, self._heading, self._state, self.samples_moved, loads = before
+        del self._loads[loads:]
+        self._noise.bit_generator.state = noise
+        self._play_usual_blocks()
+        return super()._go_on(commands[:, : usual + 1], counted=counted)
 
     def uses(self) -> list[Use]:
         """Return the use of every drive channel by the drive so far, without ramps."""
@@ -509,8 +565,10 @@ class Playback(SimulatedPlayback):
         given, self._given = self._given, None
         if given is not None:
             return given
-        run = self._run(commands)
-        return self._rig.player.play(run.state, run.commands, bounds=self._bounds, **self._rig.steps)
+        run, player = self._run(commands), self._rig.player
+        if self._usual is None or not isinstance(player, CompiledModel):
+            return player.play(run.state, run.commands, bounds=self._bounds, **self._rig.steps)
+        return player.play(run.state, run.commands, bounds=self._bounds, state_every=self._usual, **self._rig.steps)
 
     def _advance(self, commands: np.ndarray, first: int, *, counted: bool) -> Block:
         rig = self._rig
@@ -521,6 +579,10 @@ class Playback(SimulatedPlayback):
         if played.diverged_at is not None:
             raise RigFaultError(self._explain(played.diverged_states, first + played.diverged_at))
         self._state = played.state
+        usual, end = self._usual or self.block_samples, first + played.outputs.shape[1]
+        self._instants = [
+            (min(first + usual * (place + 1), end), state) for place, state in enumerate(played.states_on_the_way)
+        ]
         following_error = self._meter.following_error(commands[:, :-1], played.outputs)
         if counted:
             self._meter.count(following_error, played.outputs)
