@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+
 import pytest
 
 from duralab_bus import StreamItem
@@ -44,6 +47,21 @@ def is_sentence(said):
 
 def test_the_view_of_a_whole_log_is_made_in_silence(log, capsys):
     assert made_again(log, capsys) == (0, "", True)
+
+
+def test_a_view_needs_no_pandas(log, tmp_path):
+    out = tmp_path / "again.rrd"
+    program = f"""
+import sys
+from recorder.live.pandas_left_out import leave_out_pandas
+leave_out_pandas()
+from recorder import rebuild_view
+print(rebuild_view.main([{str(log)!r}, "--out", {str(out)!r}]), "pandas" in sys.modules)
+"""
+    # What Rerun cannot take it leaves out, with a warning.
+    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True, check=True)
+    assert (done.stdout, done.stderr) == ("0 False\n", "")
+    assert out.exists()
 
 
 def test_a_flipped_bit_anywhere_leaves_no_view(log, capsys):
