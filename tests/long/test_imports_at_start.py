@@ -47,3 +47,17 @@ def test_forked_services_do_not_import_the_colours_of_a_terminal():
     program += "print('rich' in sys.modules, 'duralab_bus' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ["False", "True"]
+
+
+def test_the_base_of_scipy_is_imported_without_parts_of_numpy_that_nobody_uses():
+    program = """
+import sys, numpy
+from duralab_bus import import_base_of_scipy
+import_base_of_scipy()
+import scipy.special, scipy.fft, scipy.ndimage
+print(*(name for name in ("numpy.f2py", "numpy.testing", "numpy.ctypeslib") if name in sys.modules))
+import numpy.testing
+print(numpy.f2py.__name__, numpy.testing.__name__, numpy.ctypeslib.__name__)
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["", "numpy.f2py numpy.testing numpy.ctypeslib"]

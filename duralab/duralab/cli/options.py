@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -132,7 +132,7 @@ def open_lab(
     viewer: str | None = None,
     recordings: Path | None = None,
     trace_folder: Path | None = None,
-    needs_later: Sequence[str] = (),
+    needs_later: Sequence[str | Callable[[], None]] = (),
 ) -> Iterator[Lab]:
     """Join the lab at an endpoint, or start a private one with these rigs (the usual ones if none are named).
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
@@ -50,7 +50,7 @@ def start(
     real_time: bool = False,
     endurance: bool = False,
     trace_folder: str | Path | None = None,
-    needs_later: Sequence[str] = (),
+    needs_later: Sequence[str | Callable[[], None]] = (),
 ) -> Iterator[Lab]:
     """Start a private lab on this machine: four service processes, which end with the `with` statement.
 
@@ -75,8 +75,8 @@ def start(
         Whether to start a sequencer as well, for `Lab.endure`.
     trace_folder : str or Path, optional
         Existing folder for the time traces of the services, for `duralab.profile.Profile`.
-    needs_later : sequence of str
-        Modules that the caller needs next; they are imported while the services start.
+    needs_later : sequence of str or callable
+        Modules that the caller needs next, imported while the services start, and functions called between.
 
     Yields
     ------

@@ -75,9 +75,6 @@ if sys.platform != "win32":  # which has no fork
             return False
         request, (life_line,) = json.loads(packet), ends
         name = request["name"]
-        if name != _SIMULATOR:
-            for module in _MATHEMATICS:
-                importlib.import_module(module)
         # The first simulator makes its imports itself, beside those of the other services, which are made here once.
         if name != _SIMULATOR or name in started:
             _import_service(name)
@@ -109,6 +106,12 @@ if sys.platform != "win32":  # which has no fork
 
     def _import_service(name: str) -> None:
         """Import a service if it is installed, so that later forks have it imported."""
+        if name != _SIMULATOR:
+            from duralab_bus import import_base_of_scipy
+
+            import_base_of_scipy()
+            for needed in _MATHEMATICS:
+                importlib.import_module(needed)
         module = f"{name}.service"
         package = find_spec(name)
         # `find_spec` of a submodule imports the package, so skip names that are not packages.

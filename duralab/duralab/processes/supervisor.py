@@ -9,7 +9,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field
 from importlib.util import find_spec
@@ -137,10 +137,12 @@ class Supervisor:
         """Process id of each started service."""
         return {name: process.pid for name, process in self._processes.items()}
 
-    def start(self, *, needs_later: Sequence[str] = (), timeout_seconds: float = START_SECONDS) -> None:
+    def start(
+        self, *, needs_later: Sequence[str | Callable[[], None]] = (), timeout_seconds: float = START_SECONDS
+    ) -> None:
         """Start all services and wait until all are on the bus; raises LabError with the last lines of a log.
 
-        `needs_later`: Modules that this process imports while it waits.
+        `needs_later`: Modules that this process imports while it waits, and functions that are called between.
         """
         try:
             self._logs.mkdir(parents=True, exist_ok=True)

@@ -61,6 +61,7 @@ def run(
     from duralab.output_files import OUTPUTS, require_outputs
     from duralab.processes import require_shipped
     from duralab.profile import PROFILE, profiled
+    from duralab_bus import import_base_of_scipy
 
     output = Output(as_json)
     if profile and endpoint is not None:
@@ -102,7 +103,7 @@ def run(
                 # The target is made as soon as the lab is up; some steps of its editor need scipy.signal.
                 needs_later=(
                     "duralab.cli.run_display",
-                    *(("duralab_roads",) if plan.target.file is None else ()),
+                    *((import_base_of_scipy, "duralab_roads") if plan.target.file is None else ()),
                     *(("scipy.signal",) if plan.target.edit else ()),
                 ),
             )

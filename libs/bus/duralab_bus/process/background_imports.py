@@ -1,4 +1,4 @@
-"""Imports in the background, of modules that a process needs later."""
+"""Imports in the background, of modules that a process needs later, and without what it never needs."""
 
 from __future__ import annotations
 
@@ -14,15 +14,39 @@ _NICENESS: Final = 5
 """Niceness of the importing thread above its process: a rig that is being loaded comes first."""
 
 
-def import_in_background(*modules: str, then: Callable[[], None] | None = None) -> None:
+_NEVER_NEEDED: Final = ("ctypeslib", "f2py", "testing")
+"""Parts of numpy that it imports at their first use."""
+
+
+def import_base_of_scipy() -> None:
+    """Import what all packages of scipy share, without parts of numpy that nobody here uses.
+
+    scipy copies all names of numpy, which imports these parts: 0.15 s of a processor. numpy still imports each of them
+    where it is used.
+    """
+    import numpy as np
+
+    left_out = [name for name in _NEVER_NEEDED if name not in vars(np)]
+    for name in left_out:
+        setattr(np, name, None)
+    try:
+        # If scipy is another one without this module, its packages import what they need, only later.
+        with suppress(ImportError):
+            import_module("scipy._lib.array_api_compat.numpy")
+    finally:
+        for name in left_out:
+            if vars(np).get(name, np) is None:
+                delattr(np, name)
+
+
+def import_in_background(*imports: str | Callable[[], None]) -> None:
     """Import modules one after the other on a separate thread, so that they are ready when they are needed.
 
     Parameters
     ----------
-    *modules : str
-        Names of modules. One that cannot be imported is skipped; the code that needs it reports that.
-    then : callable, optional
-        Called on the same thread after the imports.
+    *imports : str or callable
+        Names of modules, and functions that are called between their imports. A module that cannot be imported is
+        skipped; the code that needs it reports that.
     """
 
     def work() -> None:
@@ -30,10 +54,11 @@ def import_in_background(*modules: str, then: Callable[[], None] | None = None) 
         if sys.platform == "linux":
             own = os.getpriority(os.PRIO_PROCESS, 0)
             os.setpriority(os.PRIO_PROCESS, get_native_id(), own + _NICENESS)
-        for module in modules:
+        for wanted in imports:
+            if callable(wanted):
+                wanted()
+                continue
             with suppress(ImportError):
-                import_module(module)
-        if then is not None:
-            then()
+                import_module(wanted)
 
     Thread(target=work, name="duralab-imports", daemon=True).start()

@@ -45,7 +45,7 @@ class LiveViews:
         self._log = structlog.get_logger("recorder")
         self._thread = WorkThread("recorder-view")
         # Rerun is imported before the first recording, without a delay of the recorder's start.
-        import_in_background("recorder.live.rebuild", then=_freeze_modules)
+        import_in_background("recorder.live.rebuild", _freeze_modules)
 
     def show_step(self, recording: str, message: Message) -> None:
         """Draw a committed step; the first of a recording opens its view."""
