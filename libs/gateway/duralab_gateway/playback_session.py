@@ -184,8 +184,7 @@ class PlaybackSession:
             ended = done == samples and not trip
             publish(block, last=ended)
             if self._poses is not None:
-                for samples_done, frames in playback.instants():
-                    self._poses.add(samples_done / self._rate, frames)
+                self._poses.add(playback.instants(), self._rate, playback.frames)
             if ended and not publish.refusal:
                 return
             shortage = publish.refusal or self._lack_of_room(publish.publisher, call, wait=not clock.real_time)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -48,8 +48,8 @@ class BlockPublisher:
         if not self._slices:
             return
         first = self._slices[0].first_sample
-        drive = np.hstack([part.drive for part in self._slices])
-        response = np.hstack([part.response for part in self._slices])
+        drive = _joined([part.drive for part in self._slices])
+        response = _joined([part.response for part in self._slices])
         samples = drive.shape[1]
         for begin in range(0, samples, self._limit):
             end = min(begin + self._limit, samples)
@@ -71,6 +71,10 @@ class BlockPublisher:
             self.blocks += 1
         self.refusal = ""
         self._slices.clear()
+
+
+def _joined(pieces: list[np.ndarray]) -> np.ndarray:
+    return pieces[0] if len(pieces) == 1 else np.hstack(pieces)
 
 
 class Clock:
@@ -117,13 +121,17 @@ class PoseStream:
         self._next = 0.0
         self._published_at = time.monotonic()
 
-    def add(self, seconds: float, frames: Callable[[], np.ndarray | None]) -> None:
-        """Add the frames (bodies, 12) at a time of the run; not requested if they would come too often."""
-        if seconds < self._next or (shown := frames()) is None:
+    def add(self, instants: Sequence[int], rate: float, frames: Callable[[Sequence[int]], np.ndarray | None]) -> None:
+        """Add the frames (instants, bodies, 12) at some samples of the run, those that do not come too often."""
+        wanted = []
+        for instant in instants:
+            if instant / rate >= self._next:
+                self._next = instant / rate + 1.0 / LARGEST_RATE
+                wanted.append(instant)
+        if not wanted or (shown := frames(wanted)) is None:
             return
-        self._next = seconds + 1.0 / LARGEST_RATE
-        self._times.append(seconds)
-        self._frames.append(shown)
+        self._times.extend(instant / rate for instant in wanted)
+        self._frames.extend(shown)
         enough = len(self._times) >= _POSES and time.monotonic() - self._published_at >= _POSES_SECONDS
         if enough or len(self._times) >= _MOST_POSES:
             self.flush()

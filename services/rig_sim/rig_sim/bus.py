@@ -53,8 +53,8 @@ def describe_rig(rig: PlayableRig) -> rig_pb2.RigDescription:
     )
     if isinstance(rig, Rig):
         description.MergeFrom(rig.geometry)
-        rest = rig.poses.frames(rig.rest[: rig.model.position_count])
-        description.rest_poses.CopyFrom(to_array(to_poses(rest[None])[0]))
+        rest = rig.poses.frames(rig.rest[None, : rig.model.position_count])
+        description.rest_poses.CopyFrom(to_array(to_poses(rest)[0]))
     return description
 
 

@@ -70,8 +70,8 @@ class Poses:
             )
 
     def frames(self, positions: np.ndarray) -> np.ndarray:
-        """Return rotation row by row, then origin in m, (bodies, 12), at Drake's positions."""
-        return self._compiled.outputs(positions, np.zeros(0)).reshape(len(self.bodies), _NUMBERS)
+        """Return rotation row by row, then origin in m, (instants, bodies, 12), of positions (instants, n_q)."""
+        return self._compiled.outputs_at(positions, np.zeros(0)).reshape(len(positions), len(self.bodies), _NUMBERS)
 
 
 def view_geometry(model_file: Path, assembly: Assembly) -> rig_pb2.RigDescription:

@@ -19,10 +19,9 @@ def test_poses_are_drakes(rig):
     plant = load_plant(shipped_specimens()[rig.specimen.name].with_suffix(".sdf"))
     context = plant.CreateDefaultContext()
     rng = np.random.default_rng(1)
-    for _ in range(5):
-        positions = random_state(rig.model, rng)[: rig.model.position_count]
+    instants = np.array([random_state(rig.model, rng)[: rig.model.position_count] for _ in range(5)])
+    for positions, poses in zip(instants, to_poses(rig.poses.frames(instants)), strict=True):
         plant.SetPositions(context, positions)
-        poses = to_poses(rig.poses.frames(positions)[None])[0]
         for index, name in enumerate(rig.poses.bodies):
             body = plant.get_body(BodyIndex(index + 1))
             assert body.name() == name
@@ -64,10 +63,10 @@ def test_poses_are_published_six_times_a_second_or_in_blocks_of_50(monkeypatch, 
     now, wire = 0.0, Wire()
     monkeypatch.setattr(duralab_gateway.publishing, "time", SimpleNamespace(monotonic=lambda: now))
     stream = PoseStream(wire, "front_axle")
-    frames = front_axle.poses.frames(front_axle.rest[: front_axle.model.position_count])
+    frames = front_axle.poses.frames(front_axle.rest[None, : front_axle.model.position_count])
     for sample in range(1, 1201):
         now = sample / 60.0 / speed
-        stream.add(sample / 60.0 + 1e-9 * sample, lambda: frames)
+        stream.add([sample], 60.0 - 1e-6, lambda _instants: frames)
     stream.flush()
     sizes = [len(np.frombuffer(block.time.data)) for block in wire.sent]
     assert sum(sizes) == 1200
@@ -79,8 +78,11 @@ def test_no_more_than_sixty_poses_a_second_are_published(front_axle):
     wire = Wire()
     stream = PoseStream(wire, "front_axle")
     stream.begin("a")
-    for sample in range(1, 2001):
-        stream.add(sample / 1000.0, lambda: front_axle.poses.frames(front_axle.rest[: front_axle.model.position_count]))
+    rest = front_axle.rest[None, : front_axle.model.position_count]
+    # One sample at a time, and ten in a block.
+    for first in [*range(1, 1000), *range(1000, 2000, 10)]:
+        block = range(first, first + (10 if first >= 1000 else 1))
+        stream.add(block, 1000.0, lambda wanted: np.repeat(front_axle.poses.frames(rest), len(wanted), axis=0))
     stream.flush()
     times = np.concatenate([np.frombuffer(block.time.data) for block in wire.sent])
     assert 110 <= len(times) <= 120

@@ -73,7 +73,7 @@ def test_an_actuators_line_is_its_stroke_longer_when_the_piston_moves(front_axle
     for stroke in (0.0, 0.05):
         positions = tree.default_positions.copy()
         positions[joint.position_start] = stroke
-        bodies = dict(enumerate(front_axle.poses.frames(positions), start=1))
+        bodies = dict(enumerate(front_axle.poses.frames(positions[None])[0], start=1))
         head = bodies[joint.child][9:]
         lengths.append(np.linalg.norm(head - from_array(link.point_a, field="point_a")))
     # From the foot to the piston's head: the head comes out by the stroke.

@@ -47,9 +47,11 @@ class FollowedDrive(DrivePlayback):
     def cut(self, seconds: float) -> None:
         """Do nothing: the controller decides the length of a piece."""
 
-    def frames(self) -> np.ndarray | None:
-        """Return the present positions of the bodies."""
-        return self._frames()
+    def frames(self, instants: Sequence[int]) -> np.ndarray | None:
+        """Return the present positions of the bodies, the only ones that are known."""
+        del instants
+        present = self._frames()
+        return None if present is None else present[None]
 
     def uses(self) -> list[Use]:
         """Return the peak of every drive: the use of its actuator is unknown here."""

@@ -176,8 +176,15 @@ class DrivePlayback(ABC):
         self._calculate = rows
         self.response = np.empty((len(self.response) + len(rows(self.response[:, :1])), self.response.shape[1]))
 
-    def frames(self) -> np.ndarray | None:
-        """Return the present frames (bodies, 12): rotation row by row, then origin in m; None without bodies."""
+    def instants(self) -> Sequence[int]:
+        """Return numbers of samples done, in the last block, for which `frames` can be requested."""
+        return (self.samples_done,)
+
+    def frames(self, instants: Sequence[int]) -> np.ndarray | None:
+        """Return frames at some of the `instants`, (instants, bodies, 12), or None if there are no bodies.
+
+        A frame is a rotation row by row, then an origin in m.
+        """
         return None
 
     def play_ahead(self, samples: int, ends_run: Callable[[Block], object]) -> None:  # noqa: B027 - most rigs cannot
@@ -186,10 +193,6 @@ class DrivePlayback(ABC):
         A block that ends the run, by `ends_run` or a fault, is taken back and played in blocks of the usual length, so
         the run ends where it would have ended with these. A rig that cannot take back what it did does nothing here.
         """
-
-    def instants(self) -> Sequence[tuple[int, Callable[[], np.ndarray | None]]]:
-        """Return numbers of samples done, in the last block, with what returns the frames then, as `frames` does."""
-        return ((self.samples_done, self.frames),)
 
     def approach(self) -> Iterator[Block]:
         """Move from rest to the drive's first sample and settle there, block by block; nothing if it is zero."""

@@ -256,11 +256,21 @@ class CompiledModel(NamedModel):
 
     def outputs(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:
         """Evaluate the outputs."""
-        values = self._vector(state, self.state_names, "state")[self._order]
+        return self.outputs_at(self._vector(state, self.state_names, "state")[None], inputs)[0]
+
+    def outputs_at(self, states: np.ndarray, inputs: ArrayLike) -> np.ndarray:
+        """Evaluate the outputs (instants, outputs) at several states (instants, states) with the same inputs."""
+        if states.ndim != 2 or states.shape[1] != len(self.state_names):
+            raise ValueError(f"The states have the shape {states.shape}; give (instants, {len(self.state_names)}).")
+        values = np.ascontiguousarray(states[:, self._order], dtype=np.float64)
         given = self._vector(inputs, self.input_names, "inputs")
         derivative = np.empty(len(self.state_names))
-        outputs = np.empty(len(self.output_names))
-        self._observe(*(array.ctypes.data for array in (values, given, self.constants, derivative, outputs)))
+        outputs = np.empty((len(states), len(self.output_names)))
+        place, u, x_dot, y = (array.ctypes.data for array in (values, given, derivative, outputs))
+        for row in range(len(states)):
+            self._observe(
+                place + row * values.strides[0], u, self._constants_address, x_dot, y + row * outputs.strides[0]
+            )
         return outputs
 
     def play(

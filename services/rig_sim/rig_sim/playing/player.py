@@ -6,7 +6,6 @@ import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -474,7 +473,8 @@ class Playback(SimulatedPlayback):
         # If it plays ahead: the usual length of its blocks, and what tells whether a block ends the run.
         self._usual: int | None = None
         self._ends_run: Callable[[Block], object] = lambda _block: None
-        self._instants: list[tuple[int, np.ndarray]] = []
+        # States at the ends of the usual blocks in the last block, by the number of samples done.
+        self._instants: dict[int, np.ndarray] = {}
 
     @property
     def rig(self) -> Rig:
@@ -486,18 +486,14 @@ class Playback(SimulatedPlayback):
         """Drake's positions (n_q,) after the samples played so far."""
         return self._state[: self._rig.model.position_count]
 
-    def frames(self) -> np.ndarray:
-        """Return the poses of the bodies, (bodies, 12)."""
-        return self._rig.poses.frames(self.positions)
+    def instants(self) -> Sequence[int]:
+        """Return the ends of the usual blocks in the last block."""
+        return tuple(self._instants) or super().instants()
 
-    def instants(self) -> Sequence[tuple[int, Callable[[], np.ndarray | None]]]:
-        """Return the ends of the usual blocks in the last block, with what returns the frames then."""
-        if not self._instants:
-            return super().instants()
-        positions = self._rig.model.position_count
-        return [
-            (samples_done, partial(self._rig.poses.frames, state[:positions])) for samples_done, state in self._instants
-        ]
+    def frames(self, instants: Sequence[int]) -> np.ndarray:
+        """Return the poses of the bodies at some of the `instants`, (instants, bodies, 12)."""
+        states = [self._instants.get(instant, self._state) for instant in instants]
+        return self._rig.poses.frames(np.array(states)[:, : self._rig.model.position_count])
 
     def play_ahead(self, samples: int, ends_run: Callable[[Block], object]) -> None:
         """Play blocks of up to `samples`; one that ends the run is taken back and played in usual blocks.
@@ -580,9 +576,9 @@ class Playback(SimulatedPlayback):
             raise RigFaultError(self._explain(played.diverged_states, first + played.diverged_at))
         self._state = played.state
         usual, end = self._usual or self.block_samples, first + played.outputs.shape[1]
-        self._instants = [
-            (min(first + usual * (place + 1), end), state) for place, state in enumerate(played.states_on_the_way)
-        ]
+        self._instants = {
+            min(first + usual * (place + 1), end): state for place, state in enumerate(played.states_on_the_way)
+        }
         following_error = self._meter.following_error(commands[:, :-1], played.outputs)
         if counted:
             self._meter.count(following_error, played.outputs)
