@@ -19,7 +19,7 @@ _NEVER_NEEDED: Final = ("ctypeslib", "f2py", "testing")
 
 
 def import_base_of_scipy() -> None:
-    """Import what all packages of scipy share, without parts of numpy that nobody here uses.
+    """Import what all packages of scipy share, without parts of numpy that this project does not use.
 
     scipy copies all names of numpy, which imports these parts: 0.15 s of a processor. numpy still imports each of them
     where it is used.

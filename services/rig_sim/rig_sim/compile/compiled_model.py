@@ -114,7 +114,7 @@ class Playback:
     diverged_states : tuple of str
         Names of these states.
     states_on_the_way : tuple of ndarray, (states,)
-        States after every so many samples, if they were asked for; the last one is `state`.
+        States at regular intervals, if they were requested; the last one is `state`.
     """
 
     outputs: np.ndarray
@@ -289,8 +289,9 @@ class CompiledModel(NamedModel):
         Commands are linear between samples, `sample_interval` in s apart; the extra sample is the one after the record:
         the first of the next chunk, or the last once more. Playing consecutive chunks, each from the state the last one
         ended in, gives the bits of one call. `bounds` are the largest magnitudes of the states, checked at the samples;
-        any finite ones by default. If `state_every` is given, the states after every so many samples are returned, too.
-        Raises `ValueError` when an array has the wrong shape, a command is not finite, or a number is out of its range.
+        any finite ones by default. If `state_every` is given, the states after each such number of samples are returned,
+        too. Raises `ValueError` when an array has the wrong shape, a command is not finite, or a number is out of its
+        range.
         """
         count = len(self.state_names)
         inner = np.zeros(padded(count))
