@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from duralab_bus import HostedService, service_main
 from recorder.config import RecorderConfig
-from recorder.live.pandas_left_out import leave_out_pandas
+from recorder.live import leave_out_pandas
 from recorder.service import NAME, build
 
 HOSTED = HostedService(NAME, RecorderConfig, build)

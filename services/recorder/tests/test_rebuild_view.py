@@ -53,7 +53,7 @@ def test_a_view_needs_no_pandas(log, tmp_path):
     out = tmp_path / "again.rrd"
     program = f"""
 import sys
-from recorder.live.pandas_left_out import leave_out_pandas
+from recorder.live import leave_out_pandas
 leave_out_pandas()
 from recorder import rebuild_view
 print(rebuild_view.main([{str(log)!r}, "--out", {str(out)!r}]), "pandas" in sys.modules)

@@ -8,6 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from recorder.live.pandas_left_out import leave_out_pandas
 from recorder.live.views import LiveViews
 
 if TYPE_CHECKING:
@@ -19,6 +20,7 @@ __all__ = [
     "LiveViews",
     "Shown",
     "UnreadableFileError",
+    "leave_out_pandas",
     "recording_of",
     "show_log",
 ]

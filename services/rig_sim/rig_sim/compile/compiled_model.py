@@ -289,7 +289,7 @@ class CompiledModel(NamedModel):
         Commands are linear between samples, `sample_interval` in s apart; the extra sample is the one after the record:
         the first of the next chunk, or the last once more. Playing consecutive chunks, each from the state the last one
         ended in, gives the bits of one call. `bounds` are the largest magnitudes of the states, checked at the samples;
-        any finite ones by default. If `state_every` is given, the states after each such number of samples are returned,
+        any finite ones by default. With `state_every`, the states after each such number of samples are returned,
         too. Raises `ValueError` when an array has the wrong shape, a command is not finite, or a number is out of its
         range.
         """
