@@ -302,7 +302,7 @@ class CompiledModel(NamedModel):
         samples = command.shape[1] - 1
         outputs = np.empty((len(self.output_names), samples))
         play, every = self._play[method], state_every or max(samples, 1)
-        at, given, found = (array.ctypes.data for array in (inner, command, outputs))
+        at, given, found = inner.ctypes.data, command.ctypes.data, outputs.ctypes.data
         passed: list[np.ndarray] = []
         for begin in range(0, max(samples, 1), every):
             status = play(
