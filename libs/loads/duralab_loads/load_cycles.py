@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from importlib.machinery import PathFinder
 from importlib.util import find_spec, module_from_spec
 from typing import Final
@@ -14,6 +13,32 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duralab_spectra import as_record
+
+
+def _pylifes_loop() -> Callable[
+    [NDArray[np.float64], NDArray[np.uintp]],
+    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uintp], NDArray[np.uintp], NDArray[np.uintp]],
+]:
+    """Return pylife's compiled four-point loop, loaded without pylife's package.
+
+    The package imports pandas: 0.5 s of a processor in every process that counts cycles.
+    """
+    name = "pylife.rainflow_ext"
+    module = sys.modules.get(name)
+    if module is None:
+        package = find_spec("pylife")
+        spec = PathFinder.find_spec(name, package.submodule_search_locations) if package is not None else None
+        if spec is None or spec.loader is None:
+            raise ImportError(f"Load cycles are counted by {name}, which is not installed; install pylife.", name=name)
+        module = module_from_spec(spec)
+        spec.loader.exec_module(module)
+        # For a program that also imports pylife: an extension is loaded once.
+        sys.modules[name] = module
+    return module.fourpoint_loop
+
+
+# Loaded with this module, under its import's lock: two threads that count at once must not load it twice.
+_four_point_loop: Final = _pylifes_loop()
 
 DAMAGE_EXPONENTS: Final = (3.0, 5.0, 8.0)
 """Slopes of the S-N lines for pseudo-damage: from welded joints (3) to smooth parts (8)."""
@@ -77,7 +102,7 @@ def count_load_cycles(signal: ArrayLike) -> LoadCycles:
     """
     values = as_signal(signal)
     places = _turning_points(values)
-    from_values, to_values, from_places, to_places, left = _four_point_loop()(values[places], places)
+    from_values, to_values, from_places, to_places, left = _four_point_loop(values[places], places)
     residual = places[left]
     start = np.concatenate([from_values, values[residual[:-1]]])
     end = np.concatenate([to_values, values[residual[1:]]])
@@ -103,29 +128,6 @@ def _turning_points(values: NDArray[np.float64]) -> NDArray[np.uintp]:
     rising = np.diff(values[plateaus]) > 0.0
     turns = plateaus[1:-1][rising[1:] != rising[:-1]]
     return np.concatenate([[0], turns, [len(values) - 1]]).astype(np.uintp)
-
-
-@cache
-def _four_point_loop() -> Callable[
-    [NDArray[np.float64], NDArray[np.uintp]],
-    tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.uintp], NDArray[np.uintp], NDArray[np.uintp]],
-]:
-    """Return pylife's compiled loop, loaded without pylife's package.
-
-    The package imports pandas: 0.5 s of a processor in every process that counts cycles.
-    """
-    name = "pylife.rainflow_ext"
-    package = find_spec("pylife")
-    spec = PathFinder.find_spec(name, package.submodule_search_locations) if package is not None else None
-    if spec is None or spec.loader is None:
-        raise ImportError(f"Counting of load cycles needs {name}, which is not installed; install pylife.", name=name)
-    module = sys.modules.get(name)
-    if module is None:
-        module = module_from_spec(spec)
-        spec.loader.exec_module(module)
-        # For a program that also imports pylife: an extension is loaded once.
-        sys.modules[name] = module
-    return module.fourpoint_loop
 
 
 def pseudo_damage(cycles: LoadCycles, exponent: float) -> float:

@@ -17,6 +17,8 @@ _NICENESS: Final = 5
 _NEVER_NEEDED: Final = ("ctypeslib", "f2py", "testing")
 """Parts of numpy that it imports at their first use."""
 
+_SHARED_BY_SCIPY: Final = "scipy._lib.array_api_compat.numpy"
+
 
 def import_base_of_scipy() -> None:
     """Import what all packages of scipy share, without parts of numpy that this project does not use.
@@ -24,6 +26,8 @@ def import_base_of_scipy() -> None:
     scipy copies all names of numpy, which imports these parts: 0.15 s of a processor. numpy still imports each of them
     where it is used.
     """
+    if _SHARED_BY_SCIPY in sys.modules:
+        return
     import numpy as np
 
     left_out = [name for name in _NEVER_NEEDED if name not in vars(np)]
@@ -32,7 +36,7 @@ def import_base_of_scipy() -> None:
     try:
         # If scipy is another one without this module, its packages import what they need, only later.
         with suppress(ImportError):
-            import_module("scipy._lib.array_api_compat.numpy")
+            import_module(_SHARED_BY_SCIPY)
     finally:
         for name in left_out:
             if vars(np).get(name, np) is None:
