@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from recorder.live import LiveView, Shown, UnreadableFileError, recording_of, show_log
+from recorder.live import LiveView, Shown, UnreadableFileError, leave_out_pandas, recording_of, show_log
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -54,4 +54,5 @@ def _refuse(files: Sequence[Path], why: str) -> int:
 
 
 if __name__ == "__main__":
+    leave_out_pandas()
     sys.exit(main())
