@@ -52,8 +52,8 @@ def test_a_stop_is_acted_on_within_50_ms_of_samples(client, front_axle_compliant
     heard = looked[7][0] + looked[7][1]
     left = int(np.argmax((whole != drive[:, : whole.shape[1]]).any(axis=0)))
     # The block in which it came, and the one that was being played: paced, they are 20 ms long, and no block begins
-    # before its time has come. At full speed a block of 100 samples takes a few ms.
-    block = 20 if real_time else 100
+    # before its time has come. At full speed 600 samples take a few ms.
+    block = 20 if real_time else 600
     assert {size for _, size in looked} == {block}
     assert 0 <= left - heard <= block + 1
     assert not real_time or 2 * block / 1000.0 < 0.05
@@ -131,7 +131,8 @@ def fail_from_half_a_second(monkeypatch, error):
     advance = Playback._advance
 
     def failing(playback, commands, first, *, counted):
-        if first >= 500:
+        # In whatever block that time lies: several blocks played at once are taken back.
+        if first + commands.shape[1] - 1 > 500:
             raise error
         return advance(playback, commands, first, counted=counted)
 
