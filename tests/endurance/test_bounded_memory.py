@@ -15,7 +15,7 @@ from duralab_proto.v1 import recorder_pb2, sequencer_pb2
 from duralab_schedules import KeepRule
 from recorder.log.archive import REMEMBERED, RecentlyClosed, RunRegistry
 from recorder.log.recording import StepOrder
-from sequencer.endurance.status_board import MOST_SHOWN, StatusBoard
+from sequencer.endurance.status_board import MOST_SHOWN, EnduranceBoard
 from sequencer.kept_samples import HeldRepeat, KeptSamples
 from sequencer.service import _EVENT_BYTES
 
@@ -103,11 +103,12 @@ def test_the_sequencer_holds_as_many_samples_as_an_alarm_asks_for():
 
 
 def test_a_status_shows_the_last_remarks_and_alarms_only():
-    board = StatusBoard(sequencer_pb2.EnduranceStatus(id="weeks"), publish=lambda status: None)
+    board = EnduranceBoard(sequencer_pb2.EnduranceStatus(id="weeks"), publish=lambda status: None)
 
     def repeat(number: int) -> None:
         alarm = sequencer_pb2.EnduranceAlarm(repeat=number, sentence=f"alarm {number}")
-        board.change(lambda status: setattr(status, "played", number), remarks=[f"remark {number}"], alarms=[alarm])
+        board.add_remark(f"remark {number}")
+        board.show_repeat(sequencer_pb2.EnduranceRepeat(repeat=number, alarms=[alarm]), kept=False)
 
     for number in range(3 * MOST_SHOWN):
         repeat(number)

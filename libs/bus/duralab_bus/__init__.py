@@ -1,7 +1,22 @@
 """Typed queries, streams and liveliness over Zenoh: the only code of the project that imports it."""
 
 from duralab_bus.bus import Bus, open_bus
-from duralab_bus.commanding import SAMPLES_LACK, RecordingLog, bring_to_rest, described_rig, early_end, halt_rig
+from duralab_bus.commanding import (
+    SAMPLES_LACK,
+    Admissions,
+    Admitted,
+    OpenHold,
+    RecordingLog,
+    StatusBoard,
+    already_exists,
+    bring_to_rest,
+    damaged_recording,
+    described_rig,
+    early_end,
+    halt_rig,
+    message_of_step,
+    recorded_steps,
+)
 from duralab_bus.encoding import encoding_of
 from duralab_bus.faults import BusError, FaultError
 from duralab_bus.metrics import FigureKind, Metrics
@@ -29,6 +44,8 @@ __all__ = [
     "DEFAULT_PORT",
     "SAMPLES_LACK",
     "TRACE_SUFFIX",
+    "Admissions",
+    "Admitted",
     "Bus",
     "BusConfig",
     "BusError",
@@ -40,20 +57,24 @@ __all__ = [
     "FigureKind",
     "HostedService",
     "Metrics",
+    "OpenHold",
     "RecordingLog",
     "ServiceConfig",
     "SpanKind",
     "SpoolFolder",
     "SpoolFullError",
     "SpoolSpace",
+    "StatusBoard",
     "StreamItem",
     "StreamProof",
     "StreamPublisher",
     "Subscription",
     "TlsConfig",
+    "already_exists",
     "bring_to_rest",
     "check_identity",
     "configure_logs",
+    "damaged_recording",
     "described_rig",
     "early_end",
     "encoding_of",
@@ -65,8 +86,10 @@ __all__ = [
     "load_config",
     "log_stacks_on_signal",
     "member_of",
+    "message_of_step",
     "open_bus",
     "record_trace",
+    "recorded_steps",
     "router_configuration",
     "run_router",
     "service_main",

@@ -6,23 +6,31 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from datetime import date
 from types import TracebackType
 from typing import Final, Self
 
 import structlog
 
-from duralab_bus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError, described_rig
+from duralab_bus import (
+    Admissions,
+    Admitted,
+    Bus,
+    BusError,
+    Call,
+    FaultError,
+    ServiceConfig,
+    SpoolFullError,
+    described_rig,
+)
 from duralab_proto.channels import overdue_calibrations
 from duralab_proto.keys import ANY, check_rig, id_of
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from iterator.campaign import (
     Campaign,
+    CampaignBoard,
     RecordedCampaign,
     Resumption,
-    StatusBoard,
-    already_exists,
     expect_free_id,
     finished_unseen,
     go_on_recording,
@@ -57,14 +65,6 @@ _CLOSE_SECONDS: Final = 1.5
 
 class IteratorConfig(ServiceConfig):
     """Configuration of the iterator: that of every service."""
-
-
-@dataclass(frozen=True)
-class _Entry:
-    """A campaign of this process; after its end only its status is kept."""
-
-    campaign: Campaign | None
-    board: StatusBoard
 
 
 class _CampaignMetrics:
@@ -124,11 +124,7 @@ class IteratorService:
     def __init__(self, bus: Bus) -> None:
         self._bus = bus
         self._lock = threading.Lock()
-        self._entries: dict[str, _Entry] = {}
-        # Campaign that holds each rig, from the checks to the end.
-        self._taken_rigs: dict[str, str] = {}
-        # Ids of these that are pre-tests.
-        self._pre_tests: set[str] = set()
+        self._campaigns = Admissions[Campaign, iterator_pb2.CampaignStatus]("campaign", kept=_KEPT_STATUSES)
         # Campaigns that a resume reads and checks now.
         self._resumed: set[str] = set()
         self._metrics = _CampaignMetrics(bus, self._running)
@@ -147,11 +143,10 @@ class IteratorService:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with self._lock:
-            running = [entry for entry in self._entries.values() if not entry.board.ended]
+        running = self._campaigns.running()
         for entry in running:
-            if entry.campaign is not None:
-                entry.campaign.stop("the iterator was told to end", latch=False)
+            if entry.work is not None:
+                entry.work.stop("the iterator was told to end", latch=False)
         until = time.monotonic() + _CLOSE_SECONDS
         for entry in running:
             entry.board.wait_ended(max(0.0, until - time.monotonic()))
@@ -167,20 +162,10 @@ class IteratorService:
                 f"parent is {spec.parent!r}; it is set by the iterator alone, ask it to resume that campaign.",
                 field="parent",
             )
-        with self._admitting(spec):
+        with self._campaigns.admitting(spec.id, spec.rig):
             call.progress("checking", 0.0, detail=f"campaign {spec.id}")
             expect_free_id(self._bus, spec.id)
             return self._begin(spec)
-
-    @contextmanager
-    def _admitting(self, spec: iterator_pb2.CampaignSpec, *, again: bool = False) -> Iterator[None]:
-        """Reserve id and rig for a campaign that is being checked; release them if it is refused."""
-        self._take(spec, again=again)
-        try:
-            yield
-        except BaseException:
-            self._release(spec.rig)
-            raise
 
     def _begin(
         self, spec: iterator_pb2.CampaignSpec, resumption: Resumption | None = None
@@ -199,17 +184,16 @@ class IteratorService:
         tested = require_pre_test(self._bus, spec, description)
         overdue = overdue_calibrations(description.responses, today=date.today())
         remarks = (*overdue, *([tested] if tested else ()), *plan.remarks)
-        board = StatusBoard(spec.id, publish=self._publishing(spec.id), remarks=remarks)
+        board = CampaignBoard(spec.id, publish=self._publishing(spec.id), remarks=remarks)
         campaign = Campaign(
             plan,
             bus=self._bus,
             board=board,
-            on_end=lambda: self._ended(spec),
+            on_end=lambda: self._campaigns.end(spec.id, spec.rig),
             resumption=resumption,
             known=read_known_before(self._bus, plan),
         )
-        with self._lock:
-            self._entries[spec.id] = _Entry(campaign=campaign, board=board)
+        self._campaigns.begin(spec.id, campaign, board)
         accepted = board.snapshot()
         structlog.get_logger(SERVICE).info("campaign accepted", campaign=spec.id, rig=spec.rig, parent=spec.parent)
         campaign.start()
@@ -224,8 +208,8 @@ class IteratorService:
         """Stop a campaign, and stop and latch its rig in any state; one that has ended stays unchanged."""
         entry = self._entry(id_of(call.key))
         if not entry.board.ended:
-            if entry.campaign is not None:
-                entry.campaign.stop(request.reason or "no reason was given")
+            if entry.work is not None:
+                entry.work.stop(request.reason or "no reason was given")
             call.progress("stopping", 0.0)
             entry.board.wait_ended(_STOP_SECONDS)
         return entry.board.snapshot()
@@ -233,14 +217,14 @@ class IteratorService:
     def decide(self, request: iterator_pb2.Decision, call: Call) -> iterator_pb2.CampaignStatus:
         """Apply a person's decision on a campaign's proposal; answer when it is stored."""
         entry = self._entry(id_of(call.key))
-        if entry.campaign is None:
+        if entry.work is None:
             raise FaultError(
                 query_pb2.FAULT_CODE_FAILED_PRECONDITION,
                 f"Campaign {id_of(call.key)!r} has ended; it waits for no decision.",
                 field="proposal",
             )
-        call.require_rig(entry.campaign.rig, field="rig")
-        entry.campaign.decide(request, call)
+        call.require_rig(entry.work.rig, field="rig")
+        entry.work.decide(request, call)
         return entry.board.snapshot()
 
     def resume(self, request: iterator_pb2.ResumeCampaignRequest, call: Call) -> iterator_pb2.CampaignStatus:
@@ -259,19 +243,16 @@ class IteratorService:
         require_id(request.id)
         require_name(check_rig, request.rig, field="rig")
         call.require_rig(request.rig, field="rig")
-        self._take(request, again=False)
-        self._pre_tests.add(request.id)
-        try:
-            return perform_pre_test(self._bus, request, call)
-        finally:
-            self._release(request.rig)
-            self._pre_tests.discard(request.id)
+        with self._campaigns.admitting(request.id, request.rig, what="pre-test"):
+            stored = perform_pre_test(self._bus, request, call)
+        self._campaigns.release(request.rig)
+        return stored
 
     @contextmanager
     def _resuming_alone(self, id: str) -> Iterator[iterator_pb2.CampaignStatus | None]:
         """Refuse a second resume of a campaign until the first is decided: its data would be out of date."""
         with self._lock:
-            entry = self._entries.get(id)
+            entry = self._campaigns.get(id)
             if entry is not None and not entry.board.ended:
                 raise FaultError(
                     query_pb2.FAULT_CODE_FAILED_PRECONDITION,
@@ -295,7 +276,7 @@ class IteratorService:
         require_id(request.new_id, field="new_id")
         expect_free_id(self._bus, request.new_id, field="new_id")
         spec, resumption = new_campaign(self._recorded(id, call), request)
-        with self._admitting(spec):
+        with self._campaigns.admitting(spec.id, spec.rig):
             return self._begin(spec, resumption)
 
     def _resume_in_place(
@@ -311,12 +292,12 @@ class IteratorService:
             self._keep_final(id, final)
             return final
         resumption = same_campaign(recorded, read_parent(self._bus, recorded) if lacks_copies(recorded) else None)
-        with self._admitting(recorded.spec, again=True):
+        with self._campaigns.admitting(id, recorded.spec.rig, again=True):
             go_on_recording(self._bus, recorded)
             if recorded.final is None:
                 return self._begin(recorded.spec, resumption)
             self._keep_final(id, recorded.final)
-            self._release(recorded.spec.rig)
+            self._campaigns.release(recorded.spec.rig)
             return recorded.final
 
     def _recorded(self, id: str, call: Call) -> RecordedCampaign:
@@ -326,14 +307,12 @@ class IteratorService:
 
     def _keep_final(self, id: str, final: iterator_pb2.CampaignStatus) -> None:
         """Show the final status of a recording."""
-        board = StatusBoard(id, publish=self._publishing(id))
+        board = CampaignBoard(id, publish=self._publishing(id))
         board.end(final)
-        with self._lock:
-            self._entries[id] = _Entry(campaign=None, board=board)
+        self._campaigns.begin(id, None, board)
 
-    def _entry(self, campaign: str) -> _Entry:
-        with self._lock:
-            entry = self._entries.get(campaign)
+    def _entry(self, campaign: str) -> Admitted[Campaign, iterator_pb2.CampaignStatus]:
+        entry = self._campaigns.get(campaign)
         if entry is None:
             raise FaultError(
                 query_pb2.FAULT_CODE_NOT_FOUND,
@@ -342,36 +321,8 @@ class IteratorService:
             )
         return entry
 
-    def _take(self, spec: iterator_pb2.CampaignSpec | iterator_pb2.PreTestRequest, *, again: bool) -> None:
-        with self._lock:
-            if (spec.id in self._entries and not again) or spec.id in self._taken_rigs.values():
-                raise already_exists(spec.id)
-            if (holder := self._taken_rigs.get(spec.rig)) is not None:
-                what = "pre-test" if holder in self._pre_tests else "campaign"
-                raise FaultError(
-                    query_pb2.FAULT_CODE_BUSY,
-                    f"Rig {spec.rig!r} is in use by {what} {holder!r}; wait for its end or stop it.",
-                    field="rig",
-                )
-            self._taken_rigs[spec.rig] = spec.id
-
-    def _ended(self, spec: iterator_pb2.CampaignSpec) -> None:
-        """Free the rig, and drop all data of a campaign except its status."""
-        with self._lock:
-            self._entries[spec.id] = _Entry(campaign=None, board=self._entries[spec.id].board)
-            ended = [id for id, entry in self._entries.items() if entry.campaign is None]
-            for id in ended[:-_KEPT_STATUSES]:
-                del self._entries[id]
-        self._release(spec.rig)
-
-    def _release(self, rig: str) -> None:
-        with self._lock:
-            del self._taken_rigs[rig]
-
     def _running(self) -> list[iterator_pb2.CampaignStatus]:
-        with self._lock:
-            boards = [entry.board for entry in self._entries.values() if not entry.board.ended]
-        return [board.snapshot() for board in boards]
+        return [entry.board.snapshot() for entry in self._campaigns.running()]
 
     def _publishing(self, campaign: str) -> Callable[[iterator_pb2.CampaignStatus], None]:
         publisher = self._bus.publisher(self._bus.keys.campaign_event(campaign))

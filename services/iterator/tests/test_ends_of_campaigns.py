@@ -71,7 +71,7 @@ def test_a_stop_between_two_steps_is_told_with_the_one_before(monkeypatch):
     def stopping(log, message):
         commit(log, message)
         if isinstance(message, recorder_pb2.RunPlayed):
-            service._entries["between"].campaign.stop("enough")
+            service._campaigns.get("between").work.stop("enough")
 
     monkeypatch.setattr(RecordingLog, "commit", stopping)
     with lab_in_this_process("iterator_between", lambda _recorder, request, _call: exact_model(request)) as found:

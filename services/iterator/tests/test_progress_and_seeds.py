@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from duralab_proto.v1 import iterator_pb2
-from iterator.campaign import StatusBoard, seeds
+from iterator.campaign import CampaignBoard, seeds
 from iterator.campaign.progress_estimate import Progress, ProgressEstimate
 
 
@@ -49,7 +49,7 @@ def test_seeds_are_those_of_numpy_and_all_differ():
 
 def board():
     published = []
-    return StatusBoard("try", publish=published.append), published
+    return CampaignBoard("try", publish=published.append), published
 
 
 def test_every_change_is_published_in_order_and_the_fraction_never_falls():
@@ -61,7 +61,7 @@ def test_every_change_is_published_in_order_and_the_fraction_never_falls():
 
 def test_a_status_that_does_not_change_is_repeated_every_second():
     status, published = board()
-    status.start_repeating()
+    status.start_publishing("campaign-status")
     time.sleep(1.1)
     assert len(published) >= 2
     status.end(status.final_status(iterator_pb2.CAMPAIGN_PHASE_STOPPED, "stopped"))
@@ -89,7 +89,7 @@ def test_a_campaign_has_ended_for_a_reader_of_its_final_status():
         readers.append(reader)
         reader.join(0.05)
 
-    readers, status = [], StatusBoard("try", publish=publish)
+    readers, status = [], CampaignBoard("try", publish=publish)
     status.end(status.final_status(iterator_pb2.CAMPAIGN_PHASE_FINISHED, "done"))
     for reader in readers:
         reader.join()

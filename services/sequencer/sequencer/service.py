@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
-from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from contextlib import AbstractContextManager
 from pathlib import Path
 from types import TracebackType
 from typing import Annotated, Final, Self
@@ -14,15 +12,27 @@ from typing import Annotated, Final, Self
 import structlog
 from pydantic import Field
 
-from duralab_bus import Bus, BusError, Call, FaultError, ServiceConfig, SpoolFullError, SpoolSpace, described_rig
+from duralab_bus import (
+    Admissions,
+    Admitted,
+    Bus,
+    BusError,
+    Call,
+    FaultError,
+    ServiceConfig,
+    SpoolFullError,
+    SpoolSpace,
+    already_exists,
+    described_rig,
+)
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import query_pb2, sequencer_pb2
 from sequencer.channel_figures import CHANNEL_FIGURES
 from sequencer.endurance import (
+    EnduranceBoard,
     EndurancePlan,
     EnduranceTest,
     Progress,
-    StatusBoard,
     column_names,
     fresh_progress,
     go_on_recording,
@@ -60,14 +70,6 @@ class SequencerConfig(ServiceConfig):
     held_folder: Path | None = None
 
 
-@dataclass(frozen=True)
-class _Entry:
-    """A test of this process; after its end only its status is kept."""
-
-    test: EnduranceTest | None
-    board: StatusBoard
-
-
 class SequencerService:
     """Manages the endurance tests of this process, one at a time on each rig; interrupts them on exit of the context.
 
@@ -77,10 +79,7 @@ class SequencerService:
     def __init__(self, bus: Bus, config: SequencerConfig) -> None:
         self._bus = bus
         self._config = config
-        self._lock = threading.Lock()
-        self._entries: dict[str, _Entry] = {}
-        # Test that holds each rig, from the checks to the end.
-        self._taken_rigs: dict[str, str] = {}
+        self._tests = Admissions[EnduranceTest, sequencer_pb2.EnduranceStatus]("endurance test", kept=_KEPT_STATUSES)
         self._spools = SpoolSpace(_EVENT_BYTES)
         self._register_metrics()
         keys = bus.keys
@@ -98,11 +97,10 @@ class SequencerService:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        with self._lock:
-            running = [entry for entry in self._entries.values() if entry.test is not None]
+        running = self._tests.running()
         for entry in running:
-            if entry.test is not None:
-                entry.test.leave()
+            if entry.work is not None:
+                entry.work.leave()
         until = time.monotonic() + _CLOSE_SECONDS
         for entry in running:
             entry.board.wait_ended(max(0.0, until - time.monotonic()))
@@ -111,10 +109,10 @@ class SequencerService:
         """Check an endurance test and start it; answer at once."""
         require_names(spec)
         call.require_rig(spec.rig, field="rig")
-        with self._admitting(spec.id, spec.rig):
+        with self._tests.admitting(spec.id, spec.rig):
             call.progress("checking", 0.0, detail=f"endurance test {spec.id}")
             if last_volume(self._bus, spec.id):
-                raise _already_exists(spec.id)
+                raise already_exists(spec.id)
             plan = plan_endurance(spec, described_rig(self._bus, spec.rig))
             return self._begin(plan, fresh_progress(plan))
 
@@ -122,17 +120,16 @@ class SequencerService:
         """Continue after a hold by a person or a fault, or after a crash of the sequencer; answer at once."""
         del request
         id = id_of(call.key)
-        with self._lock:
-            entry = self._entries.get(id)
-        if entry is not None and entry.test is not None:
-            call.require_rig(entry.test.rig, field="rig")
-            entry.test.resume(call)
+        entry = self._tests.get(id)
+        if entry is not None and entry.work is not None:
+            call.require_rig(entry.work.rig, field="rig")
+            entry.work.resume(call)
             return entry.board.snapshot()
         call.progress("reading back", 0.0, detail=f"endurance test {id}")
         recorded = read_endurance(self._bus, id)
         call.require_rig(recorded.spec.rig, field="rig")
         require_open(self._bus, recorded)
-        with self._admitting(id, recorded.spec.rig, again=True):
+        with self._tests.admitting(id, recorded.spec.rig, again=True):
             description = described_rig(self._bus, recorded.spec.rig)
             require_same_rig(recorded, description)
             # Read again: only now no other request can continue it.
@@ -144,7 +141,7 @@ class SequencerService:
 
     def _begin(self, plan: EndurancePlan, before: Progress) -> sequencer_pb2.EnduranceStatus:
         spec = plan.spec
-        board = StatusBoard(
+        board = EnduranceBoard(
             sequencer_pb2.EnduranceStatus(
                 id=spec.id,
                 rig=spec.rig,
@@ -167,10 +164,9 @@ class SequencerService:
             board=board,
             repeats_per_volume=self._config.repeats_per_recording,
             held_files=self._held_files(spec.id),
-            on_end=lambda: self._ended(spec.id, spec.rig),
+            on_end=lambda: self._tests.end(spec.id, spec.rig),
         )
-        with self._lock:
-            self._entries[spec.id] = _Entry(test=test, board=board)
+        self._tests.begin(spec.id, test, board)
         structlog.get_logger(SERVICE).info(
             "endurance test accepted", endurance_test=spec.id, rig=spec.rig, next_repeat=before.next_repeat
         )
@@ -189,8 +185,8 @@ class SequencerService:
     def stop(self, request: sequencer_pb2.StopEnduranceRequest, call: Call) -> sequencer_pb2.EnduranceStatus:
         """End a test, and stop and latch its rig in any state; one that has ended stays unchanged."""
         entry = self._entry(id_of(call.key))
-        if entry.test is not None:
-            entry.test.stop(request.reason or "no reason was given")
+        if entry.work is not None:
+            entry.work.stop(request.reason or "no reason was given")
             call.progress("stopping", 0.0)
             entry.board.wait_ended(_STOP_SECONDS)
         return entry.board.snapshot()
@@ -210,36 +206,15 @@ class SequencerService:
         return entry.board.snapshot()
 
     @staticmethod
-    def _running_test(entry: _Entry, call: Call) -> EnduranceTest:
-        if entry.test is None:
+    def _running_test(entry: Admitted[EnduranceTest, sequencer_pb2.EnduranceStatus], call: Call) -> EnduranceTest:
+        if entry.work is None:
             raise FaultError(
                 query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"Endurance test {id_of(call.key)!r} has ended.", field="id"
             )
-        return entry.test
+        return entry.work
 
-    @contextmanager
-    def _admitting(self, id: str, rig: str, *, again: bool = False) -> Iterator[None]:
-        """Reserve id and rig for a test that is being checked; release them if it is refused."""
-        with self._lock:
-            if (id in self._entries and not again) or id in self._taken_rigs.values():
-                raise _already_exists(id)
-            if (holder := self._taken_rigs.get(rig)) is not None:
-                raise FaultError(
-                    query_pb2.FAULT_CODE_BUSY,
-                    f"Rig {rig!r} is in use by endurance test {holder!r}; wait for its end or stop it.",
-                    field="rig",
-                )
-            self._taken_rigs[rig] = id
-        try:
-            yield
-        except BaseException:
-            with self._lock:
-                del self._taken_rigs[rig]
-            raise
-
-    def _entry(self, id: str) -> _Entry:
-        with self._lock:
-            entry = self._entries.get(id)
+    def _entry(self, id: str) -> Admitted[EnduranceTest, sequencer_pb2.EnduranceStatus]:
+        entry = self._tests.get(id)
         if entry is None:
             raise FaultError(
                 query_pb2.FAULT_CODE_NOT_FOUND,
@@ -248,15 +223,6 @@ class SequencerService:
                 field="id",
             )
         return entry
-
-    def _ended(self, id: str, rig: str) -> None:
-        """Free the rig, and drop all data of a test except its status."""
-        with self._lock:
-            self._entries[id] = _Entry(test=None, board=self._entries[id].board)
-            ended = [each for each, entry in self._entries.items() if entry.test is None]
-            for each in ended[:-_KEPT_STATUSES]:
-                del self._entries[each]
-            del self._taken_rigs[rig]
 
     def _publishing(self, id: str) -> Callable[[sequencer_pb2.EnduranceStatus], None]:
         publisher = self._bus.publisher(self._bus.keys.endurance_event(id), spools=self._spools)
@@ -311,17 +277,7 @@ class SequencerService:
         return {(status.id, name): value for status in self._running() for name, value in read(status).items()}
 
     def _running(self) -> list[sequencer_pb2.EnduranceStatus]:
-        with self._lock:
-            boards = [entry.board for entry in self._entries.values() if entry.test is not None]
-        return [board.snapshot() for board in boards]
-
-
-def _already_exists(id: str) -> FaultError:
-    return FaultError(
-        query_pb2.FAULT_CODE_ALREADY_EXISTS,
-        f"A recording {id!r} exists already and is never overwritten; choose another id.",
-        field="id",
-    )
+        return [entry.board.snapshot() for entry in self._tests.running()]
 
 
 def build(config: SequencerConfig) -> Callable[[Bus], AbstractContextManager[object]]:

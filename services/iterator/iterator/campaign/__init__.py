@@ -1,7 +1,6 @@
 """A campaign on the bus: its checks, its steps, its recording and its status."""
 
 from iterator.campaign.admission import (
-    already_exists,
     expect_free_id,
     go_on_recording,
     read_parent,
@@ -24,14 +23,13 @@ from iterator.campaign.resumption import (
     same_campaign,
 )
 from iterator.campaign.static_part import static_response_of
-from iterator.campaign.status_board import StatusBoard, is_final
+from iterator.campaign.status_board import CampaignBoard, is_final
 
 __all__ = [
     "Campaign",
+    "CampaignBoard",
     "RecordedCampaign",
     "Resumption",
-    "StatusBoard",
-    "already_exists",
     "checked_model",
     "drive_limits",
     "expect_free_id",

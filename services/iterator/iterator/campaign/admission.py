@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Final
 
-from duralab_bus import Bus, FaultError, RecordingLog
+from duralab_bus import Bus, FaultError, RecordingLog, already_exists
 from duralab_proto.keys import LONGEST_NAME, MAIN_INSTANCE, check_id
 from duralab_proto.v1 import identifier_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign.recorded import RecordedCampaign, read_campaign
@@ -13,19 +13,6 @@ from iterator.campaign.recorded import RecordedCampaign, read_campaign
 _DISCOVERY_SECONDS: Final = 1.5
 # The name of a run begins with its campaign's id and may be as long as a name; this is the longest suffix.
 _LONGEST_ID: Final = LONGEST_NAME - len(".i4294967295-999")
-
-
-def already_exists(campaign: str, *, field: str = "id") -> FaultError:
-    """Return the fault for an id that is already used.
-
-    `campaign`: The id. `field`: Field of the request that holds it.
-    Returns: ALREADY_EXISTS, which is not raised here.
-    """
-    return FaultError(
-        query_pb2.FAULT_CODE_ALREADY_EXISTS,
-        f"A campaign {campaign!r} exists already; its recording is never overwritten, choose another id.",
-        field=field,
-    )
 
 
 def require_name(check: Callable[[str], str], name: str, *, field: str) -> None:

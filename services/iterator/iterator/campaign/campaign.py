@@ -45,7 +45,7 @@ from iterator.campaign.specimen_cost import (
     identification_remarks,
     require_budget,
 )
-from iterator.campaign.status_board import StatusBoard
+from iterator.campaign.status_board import CampaignBoard
 from iterator.holds import ProposedPlayback, Revision
 from iterator.iteration_loop import iterate
 from iterator.limits import DriveLimitError, DriveOverrunError
@@ -76,7 +76,7 @@ class Campaign:
         plan: CampaignPlan,
         *,
         bus: Bus,
-        board: StatusBoard,
+        board: CampaignBoard,
         on_end: Callable[[], None],
         resumption: Resumption | None = None,
         known: KnownBefore = NOTHING_KNOWN,
@@ -116,7 +116,7 @@ class Campaign:
 
     def start(self) -> None:
         """Start the campaign's thread and return at once."""
-        self._board.start_repeating()
+        self._board.start_publishing(f"campaign-status-{self._id}")
         threading.Thread(target=self._run, name=f"campaign-{self._id}", daemon=True).start()
 
     def stop(self, reason: str, *, latch: bool = True) -> None:

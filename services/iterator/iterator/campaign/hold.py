@@ -6,14 +6,12 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future
 from dataclasses import dataclass, replace
-from typing import Final
 
 import numpy as np
 import structlog
 
-from duralab_bus import Call, FaultError, RecordingLog
+from duralab_bus import Call, FaultError, OpenHold, RecordingLog
 from duralab_proto.arrays import to_array
 from duralab_proto.decisions import revised_specification
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
@@ -27,9 +25,6 @@ from iterator.campaign.resumption import Resumption, require_same_drive_map
 from iterator.campaign.specimen_cost import identification_damage
 from iterator.holds import Basis, ProposedPlayback, Revision, hold_reason
 from iterator.model import RigModel
-
-_POLL_SECONDS: Final = 0.1
-_PROGRESS_SECONDS: Final = 1.0
 
 
 class EndedAtHoldPointError(Exception):
@@ -50,7 +45,6 @@ class _Revised:
 class _Answer:
     decision: iterator_pb2.Decision
     revised: _Revised
-    stored: Future[None]
 
 
 class Holds:
@@ -73,7 +67,6 @@ class Holds:
         self.plan = plan
         """The plan in use: that of the specification, with the later decisions applied."""
         self._log = log
-        self._stop = stop
         self._on_wait = on_wait
         self._proposals, self._decisions = deque(before.proposals), deque(before.decisions)
         self._last_number = max((proposal.number for proposal in before.proposals), default=0)
@@ -82,10 +75,7 @@ class Holds:
         self._model: identifier_pb2.Model | None = None
         self._identified: RigModel | None = None
         self._revised_playback = 0
-        self._lock = threading.Lock()
-        self._open: iterator_pb2.Proposal | None = None
-        self._answered = threading.Event()
-        self._answer: _Answer | None = None
+        self._open = OpenHold[iterator_pb2.Proposal, _Answer](stop)
 
     @property
     def are_possible(self) -> bool:
@@ -166,27 +156,15 @@ class Holds:
     def _waited_for(self, proposal: iterator_pb2.Proposal) -> Revision | None:
         """Wait for a decision, store it and return its changes."""
         begun = time.monotonic()
-        with self._lock:
-            self._answered.clear()
-            self._open, self._answer = proposal, None
+        self._open.open(proposal)
         self._on_wait(proposal, 0.0)
-        while not self._answered.wait(_POLL_SECONDS):
-            if self._stop.is_set():
-                with self._lock:
-                    self._open = None
-                if self._answer is None:
-                    raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
-        answer = self._answer
-        if answer is None:
-            raise AssertionError("The answer is set before its event.")
-        answer.decision.decided = time.time_ns()
-        try:
+
+        def store(answer: _Answer) -> None:
+            answer.decision.decided = time.time_ns()
             self._log.commit(answer.decision)
-        except BaseException as error:
-            answer.stored.set_exception(error)
-            raise
-        self._on_wait(None, time.monotonic() - begun)
-        answer.stored.set_result(None)
+            self._on_wait(None, time.monotonic() - begun)
+
+        answer = self._open.decided(store)
         return self._applied(answer.decision, answer.revised)
 
     def _applied(self, decision: iterator_pb2.Decision, revised: _Revised) -> Revision | None:
@@ -220,28 +198,19 @@ class Holds:
         own = iterator_pb2.Decision()
         own.CopyFrom(decision)
         own.playback = proposal.playback
-        answer = _Answer(own, self._revised(own), Future())
-        with self._lock:
-            if self._open is not proposal:
-                raise self._not_open(decision.proposal)
-            self._open, self._answer = None, answer
-            self._answered.set()
-        while True:
-            try:
-                return answer.stored.result(_PROGRESS_SECONDS)
-            except TimeoutError:
-                call.progress("storing the decision", 0.0)
+        answer = _Answer(own, self._revised(own))
+        self._open.bring(proposal, answer, call, not_open=lambda: self._not_open(decision.proposal))
 
     def _require_open(self, number: int) -> iterator_pb2.Proposal:
-        with self._lock:
-            if self._open is None or self._open.number != number:
-                raise self._not_open(number)
-            return self._open
+        proposal = self._open.hold
+        if proposal is None or proposal.number != number:
+            raise self._not_open(number)
+        return proposal
 
     def _not_open(self, number: int) -> FaultError:
-        """Return the fault for a late or repeated decision; the caller holds the lock."""
-        id = self.plan.spec.id
-        waits = f"waits for one on proposal {self._open.number}" if self._open else "waits for no decision now"
+        """Return the fault for a late or repeated decision."""
+        id, proposal = self.plan.spec.id, self._open.hold
+        waits = f"waits for one on proposal {proposal.number}" if proposal else "waits for no decision now"
         return _refused(
             f"The decision is on proposal {number} and campaign {id!r} {waits}; look at its status, and decide on what "
             "it shows.",

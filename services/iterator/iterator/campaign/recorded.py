@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
 import numpy as np
-from google.protobuf.message import DecodeError, Message
+from google.protobuf.message import Message
 
-from duralab_bus import Bus, FaultError
+from duralab_bus import Bus, damaged_recording, message_of_step, recorded_steps
 from duralab_proto.arrays import ArrayError, from_array, samples_hash
 from duralab_proto.decisions import decisions_in_force
-from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, recorder_pb2, rig_pb2
 from iterator.campaign.messages import with_samples
 
 _KINDS: Final = {
@@ -111,48 +110,25 @@ def read_campaign(bus: Bus, id: str) -> RecordedCampaign:
     Returns: The campaign up to its last step.
     Raises `FaultError`: NOT_FOUND if there is no such recording, DATA_LOSS if it is damaged or not a campaign's.
     """
-    messages = _messages(bus, id)
-    spec, _ = next(messages, (None, None))
+    steps = recorded_steps(bus, id, with_samples=True)
+    first = next(steps, None)
+    spec = None if first is None else _message(id, first)
     if not isinstance(spec, iterator_pb2.CampaignSpec) or spec.id != id:
-        raise _damaged(id, "its first step is not the specification of that campaign")
+        raise damaged_recording(id, "its first step is not the specification of that campaign")
     recorded = RecordedCampaign(spec=spec, last=spec)
-    for message, samples in messages:
+    for step in steps:
         try:
-            recorded.take(message, samples=samples)
+            recorded.take(
+                _message(id, step), samples=(step.drive, step.response) if step.HasField("response") else None
+            )
         except ArrayError as error:
-            raise _damaged(id, str(error).rstrip(".")) from error
+            raise damaged_recording(id, str(error).rstrip(".")) from error
     recorded.decisions = decisions_in_force(recorded.decisions, recorded.proposals)
     for numbers in ([step.iteration for step in recorded.iterations], [step.number for step in recorded.confirmations]):
         if numbers != list(range(1, len(numbers) + 1)):
-            raise _damaged(id, f"its playbacks are numbered {numbers}")
+            raise damaged_recording(id, f"its playbacks are numbered {numbers}")
     return recorded
 
 
-def _messages(bus: Bus, id: str) -> Iterator[tuple[Message, tuple[array_pb2.Array, array_pb2.Array] | None]]:
-    """Yield the steps, each with drive and response of its run if its samples are left out."""
-    first, total = 0, 1
-    while first < total:
-        request = recorder_pb2.ReadStepsRequest(first=first, with_samples=True)
-        answer = bus.query(bus.keys.recording_steps(id), request, recorder_pb2.RecordedSteps)
-        total = answer.total
-        if first < total and not answer.steps:
-            raise _damaged(id, f"the recorder answered {first} of {total} steps and then nothing")
-        for step in answer.steps:
-            if step.step != first:
-                raise _damaged(id, f"the recorder answered step {step.step} in place of step {first}")
-            first += 1
-            yield _decoded(id, step), (step.drive, step.response) if step.HasField("response") else None
-
-
-def _decoded(id: str, step: recorder_pb2.RecordedStep) -> Message:
-    kind = _KINDS.get(step.message_type)
-    if kind is None:
-        raise _damaged(id, f"its step {step.step} is a {step.message_type!r}, which no campaign commits")
-    try:
-        return kind.FromString(step.payload)
-    except DecodeError as error:
-        raise _damaged(id, f"its step {step.step} is not a {step.message_type}: {error}") from error
-
-
-def _damaged(id: str, why: str) -> FaultError:
-    return FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} cannot be read back: {why}.", field="id")
+def _message(id: str, step: recorder_pb2.RecordedStep) -> Message:
+    return message_of_step(id, step, _KINDS, of="a campaign")

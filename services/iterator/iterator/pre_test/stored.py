@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final, TypeVar
 
 import numpy as np
 from google.protobuf.message import DecodeError, Message
 
-from duralab_bus import Bus, FaultError, RecordingLog
+from duralab_bus import Bus, FaultError, RecordingLog, recorded_steps
 from duralab_proto.arrays import ArrayError, from_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.pre_test.expectation import Expectation, KnownFrf, expected_of_model, in_windows, within
@@ -103,17 +104,10 @@ def _newest_first(bus: Bus, rig: str) -> Iterator[recorder_pb2.RecordingInfo]:
 
 def _step_of(bus: Bus, information: recorder_pb2.RecordingInfo, kind: type[MessageT]) -> MessageT | None:
     """Return the first step of a kind among the first steps of a recording; None if there is none or it is damaged."""
-    key, first = bus.keys.recording_steps(information.recording), 0
     try:
-        while first < min(information.steps, _FIRST_STEPS):
-            request = recorder_pb2.ReadStepsRequest(first=first)
-            steps = bus.query(key, request, recorder_pb2.RecordedSteps).steps
-            for step in steps:
-                if step.message_type == kind.DESCRIPTOR.full_name:
-                    return kind.FromString(step.payload)
-            if not steps:
-                break
-            first += len(steps)
+        for step in islice(recorded_steps(bus, information.recording), _FIRST_STEPS):
+            if step.message_type == kind.DESCRIPTOR.full_name:
+                return kind.FromString(step.payload)
     except FaultError as fault:
         if fault.code not in (query_pb2.FAULT_CODE_DATA_LOSS, query_pb2.FAULT_CODE_NOT_FOUND):
             raise

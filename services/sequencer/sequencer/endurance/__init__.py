@@ -11,14 +11,14 @@ from sequencer.endurance.resumption import (
     require_open,
     require_same_rig,
 )
-from sequencer.endurance.status_board import StatusBoard, is_final
+from sequencer.endurance.status_board import EnduranceBoard, is_final
 from sequencer.endurance.test_log import last_volume
 
 __all__ = [
+    "EnduranceBoard",
     "EndurancePlan",
     "EnduranceTest",
     "Progress",
-    "StatusBoard",
     "column_names",
     "fresh_progress",
     "go_on_recording",

@@ -22,7 +22,7 @@ from sequencer.endurance.iterate_again import corrected_drive
 from sequencer.endurance.messages import alarm_message, column_names, progress_of_events, put_statistics
 from sequencer.endurance.plan import EndurancePlan
 from sequencer.endurance.rig_playback import REFUSALS, RigPlayback
-from sequencer.endurance.status_board import StatusBoard
+from sequencer.endurance.status_board import EnduranceBoard
 from sequencer.endurance.test_log import EnduranceLog, run_name
 from sequencer.kept_samples import HeldFiles, HeldRepeat, KeptSamples
 from sequencer.tally import EventTally, planned_damage, total_damage
@@ -82,7 +82,7 @@ class EnduranceTest:
         before: Progress,
         *,
         bus: Bus,
-        board: StatusBoard,
+        board: EnduranceBoard,
         repeats_per_volume: int,
         held_files: HeldFiles | None,
         on_end: Callable[[], None],
@@ -125,7 +125,7 @@ class EnduranceTest:
 
     def start(self) -> None:
         """Start the test's thread and return at once."""
-        self._board.start_publishing()
+        self._board.start_publishing(f"endurance-status-{self.id}")
         threading.Thread(target=self._run, name=f"endurance-{self.id}", daemon=True).start()
 
     def stop(self, reason: str, *, latch: bool = True) -> None:
@@ -331,7 +331,7 @@ class EnduranceTest:
             self._log.commit(step)
         else:
             self._commit_kept(step, held, played)
-        self._board.change(lambda status: _show_repeat(status, step, kept=kept), alarms=step.alarms)
+        self._board.show_repeat(step, kept=kept)
         if step.alarms:
             self._after_alarms(step, verdict)
 
@@ -423,7 +423,7 @@ class EnduranceTest:
                 damage=None if damage is None else to_array(damage),
             )
         )
-        self._board.change(lambda status: None, remarks=[reason])
+        self._board.add_remark(reason)
 
     def _wait(self, reason: str, *, alarms: Sequence[sequencer_pb2.EnduranceAlarm] = ()) -> None:
         """Wait before the next repeat, and apply the decision."""
@@ -500,7 +500,7 @@ class EnduranceTest:
         self._before.drives.append(message)
         self._drives[event], self._tallies[event].drive = drive, number
         self._monitor.relearn(name)
-        self._board.change(lambda status: None, remarks=[f"{name} has drive {number} of campaign {campaign}."])
+        self._board.add_remark(f"{name} has drive {number} of campaign {campaign}.")
 
     def _show_repeat_progress(self, status: sequencer_pb2.EnduranceStatus, next_repeat: int) -> None:
         status.phase = sequencer_pb2.ENDURANCE_PHASE_PLAYING
@@ -592,8 +592,3 @@ class EnduranceTest:
 
 def _samples(drive: sequencer_pb2.EnduranceDrive) -> NDArray[np.float64]:
     return from_record(drive.drive, field="drive")[2]
-
-
-def _show_repeat(status: sequencer_pb2.EnduranceStatus, step: sequencer_pb2.EnduranceRepeat, *, kept: bool) -> None:
-    status.last_repeat, status.last_event, status.kept = step.repeat, step.event, status.kept + kept
-    status.last_statistics.CopyFrom(step.statistics)

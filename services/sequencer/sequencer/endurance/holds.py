@@ -5,25 +5,15 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from concurrent.futures import Future
-from dataclasses import dataclass
 from typing import Final
 
-from duralab_bus import Call, FaultError
+from duralab_bus import Call, FaultError, OpenHold
 from duralab_proto.v1 import query_pb2, sequencer_pb2
 from sequencer.endurance.plan import invalid
 from sequencer.endurance.test_log import EnduranceLog
 
-_POLL_SECONDS: Final = 0.1
-_PROGRESS_SECONDS: Final = 1.0
 _LONGEST_NAME: Final = 80
 _LONGEST_REASON: Final = 1000
-
-
-@dataclass(frozen=True)
-class _Answer:
-    decision: sequencer_pb2.EnduranceDecision
-    stored: Future[None]
 
 
 class Holds:
@@ -44,14 +34,10 @@ class Holds:
     ) -> None:
         self._id = id
         self._log = log
-        self._stop = stop
         self.last = last
         self._on_wait = on_wait
-        self._lock = threading.Lock()
         self._asked = ""
-        self._open: sequencer_pb2.EnduranceHold | None = None
-        self._answered = threading.Event()
-        self._answer: _Answer | None = None
+        self._open = OpenHold[sequencer_pb2.EnduranceHold, sequencer_pb2.EnduranceDecision](stop)
 
     def ask(self, reason: str) -> None:
         """Request a wait before the next repeat."""
@@ -69,28 +55,14 @@ class Holds:
             hold.number = self.last
             self._log.commit(hold)
         self._asked = ""
-        with self._lock:
-            self._answered.clear()
-            self._open, self._answer = hold, None
+        self._open.open(hold)
         self._on_wait(hold)
-        while not self._answered.wait(_POLL_SECONDS):
-            if self._stop.is_set():
-                with self._lock:
-                    self._open = None
-                if self._answer is None:
-                    raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
-        answer = self._answer
-        if answer is None:
-            raise AssertionError("The answer is set before its event.")
-        answer.decision.decided = time.time_ns()
-        try:
-            self._log.commit(answer.decision)
-        except BaseException as error:
-            answer.stored.set_exception(error)
-            raise
+        return self._open.decided(self._store)
+
+    def _store(self, decision: sequencer_pb2.EnduranceDecision) -> None:
+        decision.decided = time.time_ns()
+        self._log.commit(decision)
         self._on_wait(None)
-        answer.stored.set_result(None)
-        return answer.decision
 
     def decided(
         self, hold: sequencer_pb2.EnduranceHold, kind: sequencer_pb2.EnduranceDecisionKind
@@ -108,7 +80,7 @@ class Holds:
     @property
     def open(self) -> sequencer_pb2.EnduranceHold | None:
         """The hold that the test waits with; None if it does not wait."""
-        return self._open
+        return self._open.hold
 
     def decide(self, decision: sequencer_pb2.EnduranceDecision, call: Call) -> None:
         """Check a person's untrusted decision; return when it is stored."""
@@ -122,7 +94,7 @@ class Holds:
 
     def resume(self, call: Call) -> None:
         """Continue after a hold by a person or a fault; return when it is stored."""
-        hold = self._open
+        hold = self._open.hold
         if hold is None:
             raise _refused(f"Endurance test {self._id!r} does not wait; there is nothing to resume.", field="id")
         if hold.alarms:
@@ -139,22 +111,20 @@ class Holds:
     def _take(self, number: int, decision: sequencer_pb2.EnduranceDecision, call: Call) -> None:
         own = sequencer_pb2.EnduranceDecision()
         own.CopyFrom(decision)
-        answer = _Answer(own, Future())
-        with self._lock:
-            if self._open is None or self._open.number != number:
-                waits = f"waits with hold {self._open.number}" if self._open else "does not wait now"
-                raise _refused(
-                    f"The decision is on hold {number} and endurance test {self._id!r} {waits}; look at its status, "
-                    "and decide on what it shows.",
-                    field="hold",
-                )
-            self._open, self._answer = None, answer
-            self._answered.set()
-        while True:
-            try:
-                return answer.stored.result(_PROGRESS_SECONDS)
-            except TimeoutError:
-                call.progress("storing the decision", 0.0)
+        hold = self._open.hold
+        if hold is None or hold.number != number:
+            raise self._not_open(number)
+        self._open.bring(hold, own, call, not_open=lambda: self._not_open(number))
+
+    def _not_open(self, number: int) -> FaultError:
+        """Return the fault for a late or repeated decision."""
+        hold = self._open.hold
+        waits = f"waits with hold {hold.number}" if hold else "does not wait now"
+        return _refused(
+            f"The decision is on hold {number} and endurance test {self._id!r} {waits}; look at its status, and decide "
+            "on what it shows.",
+            field="hold",
+        )
 
 
 def _refused(message: str, *, field: str) -> FaultError:

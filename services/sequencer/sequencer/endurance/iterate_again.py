@@ -10,7 +10,7 @@ import numpy as np
 from google.protobuf.message import Message
 from numpy.typing import NDArray
 
-from duralab_bus import Bus, FaultError
+from duralab_bus import Bus, FaultError, message_of_step, recorded_steps
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_settings import ResolvedUpdate
@@ -143,11 +143,6 @@ def _steps(
     bus: Bus, recording: str, *, with_samples: bool = False
 ) -> Iterator[tuple[Message, recorder_pb2.RecordedStep]]:
     """Yield the specification, the model and the iterations of a campaign."""
-    first, total = 0, 1
-    while first < total:
-        request = recorder_pb2.ReadStepsRequest(first=first, with_samples=with_samples)
-        answer = bus.query(bus.keys.recording_steps(recording), request, recorder_pb2.RecordedSteps)
-        for step in answer.steps:
-            if (kind := _KINDS.get(step.message_type)) is not None:
-                yield kind.FromString(step.payload), step
-        first, total = first + len(answer.steps), answer.total if answer.steps else 0
+    for step in recorded_steps(bus, recording, with_samples=with_samples):
+        if step.message_type in _KINDS:
+            yield message_of_step(recording, step, _KINDS, of="a campaign"), step

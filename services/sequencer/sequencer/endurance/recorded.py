@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Final
 
-from google.protobuf.message import DecodeError, Message
+from google.protobuf.message import Message
 
-from duralab_bus import Bus, FaultError
+from duralab_bus import Bus, FaultError, damaged_recording, message_of_step, recorded_steps
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 from sequencer.endurance.test_log import last_volume, volume_name
 
@@ -129,53 +128,31 @@ def read_endurance(bus: Bus, id: str) -> RecordedTest:
     last = _read_volume(bus, id, number)
     spec = last.spec if number == 1 else _specification(bus, id)
     if spec is None or spec.id != id:
-        raise _damaged(id, "its first step is not the specification of that endurance test")
+        raise damaged_recording(id, "its first step is not the specification of that endurance test")
     if last.volume is None and number > 1:
-        raise _damaged(id, f"the recording {volume_name(id, number)} does not begin as one of an endurance test")
+        raise damaged_recording(
+            id, f"the recording {volume_name(id, number)} does not begin as one of an endurance test"
+        )
     return RecordedTest(spec, last)
 
 
 def _specification(bus: Bus, id: str) -> sequencer_pb2.EnduranceSpec | None:
-    answer = bus.query(bus.keys.recording_steps(id), recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
-    first = _decoded(id, answer.steps[0]) if answer.steps else None
-    return first if isinstance(first, sequencer_pb2.EnduranceSpec) else None
+    first = next(recorded_steps(bus, id), None)
+    message = None if first is None else _message(id, first)
+    return message if isinstance(message, sequencer_pb2.EnduranceSpec) else None
 
 
 def _read_volume(bus: Bus, id: str, number: int) -> RecordedVolume:
     volume = RecordedVolume(number)
-    for message in _messages(bus, volume_name(id, number)):
-        volume.take(message)
+    recording = volume_name(id, number)
+    for step in recorded_steps(bus, recording):
+        volume.take(_message(recording, step))
     numbers = [repeat.repeat for repeat in volume.repeats]
     first = volume.volume.first_repeat if volume.volume is not None else 0
     if numbers != list(range(first, first + len(numbers))):
-        raise _damaged(id, f"the repeats of {volume_name(id, number)} are not numbered from {first} on")
+        raise damaged_recording(id, f"the repeats of {recording} are not numbered from {first} on")
     return volume
 
 
-def _messages(bus: Bus, recording: str) -> Iterator[Message]:
-    first, total = 0, 1
-    while first < total:
-        request = recorder_pb2.ReadStepsRequest(first=first)
-        answer = bus.query(bus.keys.recording_steps(recording), request, recorder_pb2.RecordedSteps)
-        total = answer.total
-        if first < total and not answer.steps:
-            raise _damaged(recording, f"the recorder answered {first} of {total} steps and then nothing")
-        for step in answer.steps:
-            if step.step != first:
-                raise _damaged(recording, f"the recorder answered step {step.step} in place of step {first}")
-            first += 1
-            yield _decoded(recording, step)
-
-
-def _decoded(recording: str, step: recorder_pb2.RecordedStep) -> Message:
-    kind = _KINDS.get(step.message_type)
-    if kind is None:
-        raise _damaged(recording, f"its step {step.step} is a {step.message_type!r}, which no endurance test commits")
-    try:
-        return kind.FromString(step.payload)
-    except DecodeError as error:
-        raise _damaged(recording, f"its step {step.step} is not a {step.message_type}: {error}") from error
-
-
-def _damaged(id: str, why: str) -> FaultError:
-    return FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Endurance test {id!r} cannot be read back: {why}.", field="id")
+def _message(recording: str, step: recorder_pb2.RecordedStep) -> Message:
+    return message_of_step(recording, step, _KINDS, of="an endurance test")

@@ -8,7 +8,7 @@ from typing import Final
 
 from google.protobuf.message import Message
 
-from duralab_bus import Bus, FaultError, RecordingLog
+from duralab_bus import Bus, FaultError, RecordingLog, recorded_steps
 from duralab_proto.keys import LONGEST_NAME
 from duralab_proto.v1 import query_pb2, recorder_pb2
 
@@ -105,7 +105,7 @@ def last_volume(bus: Bus, id: str) -> int:
 def _is_recorded(bus: Bus, recording: str) -> bool:
     try:
         # Not the description of the recording, which needs a hash of every file.
-        bus.query(bus.keys.recording_steps(recording), recorder_pb2.ReadStepsRequest(), recorder_pb2.RecordedSteps)
+        next(recorded_steps(bus, recording), None)
     except FaultError as fault:
         if fault.code == query_pb2.FAULT_CODE_NOT_FOUND:
             return False
