@@ -29,7 +29,7 @@ def already_exists(id: str, *, field: str = "id") -> FaultError:
 
 @dataclass(frozen=True)
 class Admitted(Generic[WorkT, StatusT]):
-    """A campaign or test of this process; `work` is None after its end."""
+    """A campaign or test of this process; one that has ended has no `work`."""
 
     work: WorkT | None
     board: StatusBoard[StatusT]

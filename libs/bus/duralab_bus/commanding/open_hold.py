@@ -49,7 +49,7 @@ class OpenHold(Generic[HoldT, DecisionT]):
     def decided(self, store: Callable[[DecisionT], object]) -> DecisionT:
         """Wait for the decision on the open hold, store and return it.
 
-        `store`: Stores it; whoever brought it is answered when this returns, with the error if it raises one.
+        `store`: Stores it; the caller of `bring` is answered when this returns, with the error if it raises one.
         Raises `FaultError`: CANCELLED if it is stopped before a decision comes.
         """
         while not self._is_brought.wait(_POLL_SECONDS):
