@@ -40,6 +40,20 @@ def controller_map(tmp_path):
     return path
 
 
+def test_a_drive_that_moves_faster_than_the_rate_of_the_controller_holds_is_refused(tmp_path, controller_map):
+    controller_map.write_text(MAP.replace("controller_rate: 512", "controller_rate: 102.4"))
+    drive = noise()
+    time = np.arange(drive.samples.shape[1]) / drive.sample_rate
+    fast = np.stack([drive.samples[0], 0.002 * np.sin(2 * np.pi * 60.0 * time)])
+    sentence = r"the map: right loses \d+\.\d% of its RMS at controller_rate 102\.4 Hz: raise it to 2\.3 times the hig"
+    with pytest.raises(InputError, match=sentence):
+        export_drive(Signals(drive.channels, 200.0, fast), controller_map, run="fast")
+    assert not list((tmp_path / "exchange").glob("outbox/fast*"))
+    # Rounding of a drive that does not move is no motion that is lost.
+    slow = np.stack([drive.samples[0], 1e-16 * np.random.default_rng(5).normal(size=time.size)])
+    assert export_drive(Signals(drive.channels, 200.0, slow), controller_map, run="slow").path.is_file()
+
+
 def noise(seed=1, *, rate=200.0, seconds=6.0, peak=0.03):
     time = np.arange(round(rate * seconds)) / rate
     rng = np.random.default_rng(seed)

@@ -121,6 +121,48 @@ def test_a_drive_file_has_the_damage_of_its_target(folder):
     assert "The damage of square is not known and not counted." in str(found)
 
 
+def loads_of(folder, name, *, units, scale=1.0):
+    """Write an event's drive in millimetres and its target in given units; return the schedule's line of it."""
+    names, rng = synthetic_campaign.NAMES, np.random.default_rng(len(name))
+    drive = Signals(tuple(Channel(each, "mm") for each in names), 1000.0, rng.normal(size=(6, 500)))
+    target = Signals(tuple(map(Channel, names, units)), 1000.0, scale * rng.normal(size=(6, 500)))
+    write_signals(drive, folder / f"{name}_drive.csv", overwrite=True)
+    write_signals(target, folder / f"{name}_target.csv", overwrite=True)
+    return f"  {name}: {{drive: {name}_drive.csv, target: {name}_target.csv, repeats: 10}}\n"
+
+
+def test_files_in_other_units_have_the_same_damage_and_drives_in_metres(folder):
+    head = f"name: files\nrig: {RIG}\nevents:\n"
+    path = folder / "units.yaml"
+    found = []
+    for unit, scale in (("N", 1000.0), ("kN", 1.0)):
+        path.write_text(head + loads_of(folder, "town", units=[unit] * 6, scale=scale))
+        found.append(duralab.forecast_schedule(duralab.load_schedule(path)))
+    np.testing.assert_allclose(list(found[1].forecast.damage.values()), list(found[0].forecast.damage.values()))
+    drive = found[1].events["town"].drive
+    assert {channel.unit for channel in drive.channels} == {"m"}
+    assert 1e-3 < np.max(np.abs(drive.samples)) < 1e-2
+
+
+def test_events_whose_responses_have_units_of_two_kinds_are_refused(folder):
+    path = folder / "units.yaml"
+    path.write_text(
+        f"name: files\nrig: {RIG}\nevents:\n"
+        + loads_of(folder, "town", units=["N"] * 6)
+        + loads_of(folder, "hills", units=["N"] * 5 + ["m/s^2"])
+    )
+    last = synthetic_campaign.NAMES[-1]
+    with pytest.raises(duralab.InputError, match=f"{last} of event hills is in m/s.2 and that of town in N; give "):
+        duralab.forecast_schedule(duralab.load_schedule(path))
+
+
+def test_a_target_without_units_is_refused(folder):
+    path = folder / "units.yaml"
+    path.write_text(f"name: files\nrig: {RIG}\nevents:\n" + loads_of(folder, "town", units=["N"] * 5 + [""]))
+    with pytest.raises(duralab.InputError, match=r"Event town: town_target.csv.* names no unit"):
+        duralab.forecast_schedule(duralab.load_schedule(path))
+
+
 def test_a_designed_schedule_is_written_and_read_as_the_same(folder, tmp_path):
     path = schedule(
         folder,

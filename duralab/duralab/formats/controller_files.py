@@ -203,7 +203,7 @@ def _at_the_rate(mapped: ControllerMap, drive: Signals, samples: np.ndarray) -> 
 
 
 def _require_within(mapped: ControllerMap, samples: np.ndarray) -> None:
-    from duralab_drive_files import steep_leads
+    from duralab_drive_files import drive_faults
 
     seconds = samples.shape[1] / mapped.sample_rate
     if seconds > mapped.longest_drive:
@@ -211,7 +211,7 @@ def _require_within(mapped: ControllerMap, samples: np.ndarray) -> None:
             f"The drive is {seconds:g} s long, and the map allows {mapped.longest_drive:g} s; cut it.", field="drive"
         )
     beyond = [sentence for each in zip(mapped.drives, samples, strict=True) for sentence in _beyond(mapped, *each)]
-    beyond += steep_leads(mapped, samples)
+    beyond += drive_faults(mapped, samples)
     if beyond:
         raise InputError(f"The drive is beyond the limits of the map: {'; '.join(beyond)}.", field="drive")
 

@@ -197,6 +197,14 @@ def start_endurance(
 
 def _damage(planned: Signals, rig: Rig, exponent: float, *, event: str) -> np.ndarray:
     """Return the damage of a target or a response in the order of the rig's responses."""
+    units = {channel.name: channel.unit for channel in rig.responses}
+    for channel in planned.channels:
+        if units.get(channel.name, channel.unit) != channel.unit:
+            raise InputError(
+                f"{channel.name} of event {event} is in {channel.unit} and the rig {rig.name!r} measures it in "
+                f"{units[channel.name]}; give the target of that channel.",
+                field=f"events.{event}.target",
+            )
     damage = dict(zip(planned.names, channel_damage(planned.samples, exponents=[exponent])[:, 0], strict=True))
     if missing := [channel.name for channel in rig.responses if channel.name not in damage]:
         raise InputError(

@@ -9,7 +9,7 @@ from pathlib import Path
 from duralab.campaign import Judgement
 from duralab.data import Signals
 from duralab.errors import InputError
-from duralab.formats import read_signals
+from duralab.formats import convert_units, read_signals
 from duralab.near_files import did_you_mean
 from duralab.recording import Recording, open_recording
 from duralab_loads import channel_damage
@@ -44,9 +44,14 @@ class PreparedEvent:
     exponent: float
 
     @property
+    def measured(self) -> Signals | None:
+        """The response, or the target without a response; its damage is that of a repeat."""
+        return self.response or self.target
+
+    @property
     def load(self) -> EventLoad:
-        """Load of one repeat: samples, and damage of the response, or of the target without a response."""
-        measured = self.response or self.target
+        """Load of one repeat: samples, and the damage."""
+        measured = self.measured
         return EventLoad(
             samples=self.drive.samples.shape[1],
             sample_rate=self.drive.sample_rate,
@@ -100,8 +105,17 @@ def _prepared(schedule: Schedule, event: Event, recordings: Path | None) -> Prep
         if event.target is not None:
             raise InputError(f"target is {event.target}; the recording {path} holds its own, so leave it out.")
         return _from_recording(open_recording(path), schedule.rig, exponent, accepted=event.missed_target_accepted)
-    target = None if event.target is None else read_signals(schedule.folder / event.target)
-    return PreparedEvent(read_signals(path), target, None, f"file {path.name}", "", exponent)
+    target = None if event.target is None else signals_in_si(schedule.folder / event.target)
+    return PreparedEvent(signals_in_si(path), target, None, f"file {path.name}", "", exponent)
+
+
+def signals_in_si(path: Path) -> Signals:
+    """Return the signals of a file in SI units: the damage of different files is added."""
+    signals = read_signals(path)
+    try:
+        return convert_units(signals)
+    except InputError as error:
+        raise InputError(f"{path.name}: {error.message}", field=error.field) from error
 
 
 def _find(given: str, folder: Path, recordings: Path | None) -> Path:
@@ -150,3 +164,16 @@ def _require_one_kind(schedule: Schedule, prepared: Mapping[str, PreparedEvent])
                     f"{schedule.name} need the channels of {schedule.rig}.",
                     field=f"events.{name}",
                 )
+        require_same_units(event.drive, first[1].drive, what=f"event {name}", than=first[0])
+        require_same_units(event.measured, first[1].measured, what=f"event {name}", than=first[0])
+
+
+def require_same_units(signals: Signals | None, others: Signals | None, *, what: str, than: str) -> None:
+    """Refuse signals with a channel that has another unit in others; damage in two units cannot be added."""
+    units = {} if others is None else {channel.name: channel.unit for channel in others.channels}
+    for channel in () if signals is None else signals.channels:
+        if (unit := units.get(channel.name, channel.unit)) != channel.unit:
+            raise InputError(
+                f"{channel.name} of {what} is in {channel.unit} and that of {than} in {unit}; give signals of the "
+                "channels of one rig."
+            )

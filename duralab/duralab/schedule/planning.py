@@ -12,8 +12,7 @@ import numpy as np
 from duralab.arguments import require_path
 from duralab.display import html_table, text_table
 from duralab.errors import InputError
-from duralab.formats import read_signals
-from duralab.schedule.events import PreparedEvent, damage_of, prepare_events
+from duralab.schedule.events import PreparedEvent, damage_of, prepare_events, require_same_units, signals_in_si
 from duralab_schedules import (
     MOST_REPEATS,
     DamagePlan,
@@ -268,12 +267,14 @@ def _planned_damage(
         return dict(plan.damage), ()
     planned: dict[str, float] = {}
     for name, met in (plan.mix or {}).items():
-        target = events[name].target if met.target is None else read_signals(schedule.folder / met.target)
+        target = events[name].target if met.target is None else signals_in_si(schedule.folder / met.target)
         if target is None:
             raise InputError(
                 f"plan.mix.{name} has no target, and its event's drive is a file; give the target of one of them.",
                 field=f"plan.mix.{name}",
             )
+        for event_name, event in events.items():
+            require_same_units(target, event.measured, what=f"the target of plan.mix.{name}", than=event_name)
         damage = damage_of(target, float(schedule.monitoring.damage_exponent))
         if missing := [channel for channel in responses if channel not in damage]:
             raise InputError(
@@ -290,5 +291,4 @@ def _planned_damage(
 
 def _responses(events: Mapping[str, PreparedEvent]) -> tuple[str, ...]:
     """Return the names of the responses, from the first event with a response or target."""
-    measured = (event.response or event.target for event in events.values())
-    return next((signals.names for signals in measured if signals is not None), ())
+    return next((event.measured.names for event in events.values() if event.measured is not None), ())

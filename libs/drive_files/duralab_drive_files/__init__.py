@@ -4,7 +4,7 @@ from duralab_drive_files.alignment import Alignment, align
 from duralab_drive_files.controller_map import ControllerMap, MappedChannel, read_controller_map
 from duralab_drive_files.errors import DriveFileError, opened, require_file
 from duralab_drive_files.inbox import AcceptedResponse, Inbox, judged
-from duralab_drive_files.outbox import Order, Outbox, drive_hash, read_order, steep_leads
+from duralab_drive_files.outbox import Order, Outbox, drive_faults, drive_hash, read_order
 from duralab_drive_files.rates import resampled, sampled_at
 from duralab_drive_files.rpc3_header import ByteOrder, DataType, TimeType
 from duralab_drive_files.rpc3_reading import open_rpc3, read_rpc3
@@ -28,6 +28,7 @@ __all__ = [
     "TimeType",
     "WheelForceConvention",
     "align",
+    "drive_faults",
     "drive_hash",
     "judged",
     "moments_about",
@@ -40,7 +41,6 @@ __all__ = [
     "require_file",
     "resampled",
     "sampled_at",
-    "steep_leads",
     "unique_names",
     "wheel_force_signs",
     "write_rpc3",

@@ -12,6 +12,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
@@ -21,6 +22,11 @@ from duralab_drive_files.rates import resampled
 from duralab_drive_files.rpc3_writing import Rpc3Settings, write_rpc3
 from duralab_drive_files.time_history import TimeHistory
 from duralab_settings import lock_file
+
+# Largest share of the RMS of a drive that the sample rate of its file may remove.
+_LARGEST_LOSS: Final = 0.01
+# Share of its limit below which the RMS of a drive is that of rounding.
+_SILENT: Final = 1e-5
 
 
 @dataclass(frozen=True)
@@ -318,22 +324,25 @@ def with_leads(controller_map: ControllerMap, drive: np.ndarray) -> np.ndarray:
     return np.hstack([drive[:, :1] * rise, drive, drive[:, -1:] * rise[::-1]])
 
 
-def steep_leads(controller_map: ControllerMap, drive: np.ndarray) -> Iterator[str]:
-    """Yield the errors of a drive's leads from rest and back.
+def drive_faults(controller_map: ControllerMap, drive: np.ndarray) -> Iterator[str]:
+    """Yield the errors of a drive in the file for the controller: steep leads from rest and back, and lost motion.
 
     Parameters
     ----------
     controller_map : ControllerMap
-        Length of each lead, and the slew limits; a controller makes its own leads with `drive_has_offset`.
+        Both sample rates, length of each lead, and the slew limits; a controller makes its own leads with
+        `drive_has_offset`.
     drive : ndarray, shape (drives, samples)
         Drive in the units of the lab.
 
     Yields
     ------
     str
-        Clause for each drive that exceeds its slew limit in a lead, without a full stop.
+        Clause for each drive that exceeds its slew limit in a lead, or moves faster than the rate of the file holds,
+        without a full stop.
     """
-    for channel, row in zip(controller_map.drives, drive, strict=True):
+    shares = _lost_shares(controller_map, drive)
+    for channel, row, lost in zip(controller_map.drives, drive, shares, strict=True):
         # Largest rate of a raised cosine.
         fastest = 0.5 * np.pi * max(abs(row[0]), abs(row[-1])) / controller_map.lead_seconds
         if not controller_map.drive_has_offset and 0.0 < channel.slew_limit < fastest:
@@ -342,6 +351,23 @@ def steep_leads(controller_map: ControllerMap, drive: np.ndarray) -> Iterator[st
                 f"{controller_map.lead_seconds:g} s, and {channel.slew_limit:.4g} {channel.unit}/s are allowed: "
                 "raise lead in the map, or begin and end nearer to 0"
             )
+        if lost > _LARGEST_LOSS:
+            yield (
+                f"{channel.name} loses {lost:.1%} of its RMS at controller_rate {controller_map.controller_rate:g} Hz: "
+                "raise it to 2.3 times the highest frequency of the drive or more"
+            )
+
+
+def _lost_shares(controller_map: ControllerMap, drive: np.ndarray) -> np.ndarray:
+    """Return the RMS of each drive that the sample rate of the file removes, over the RMS about its mean."""
+    rate, there = controller_map.sample_rate, controller_map.controller_rate
+    if there >= rate:
+        return np.zeros(len(drive))
+    back = resampled(resampled(drive, rate, there), there, rate)
+    samples = min(back.shape[1], drive.shape[1])
+    silent = [_SILENT * max(-channel.minimum, channel.maximum) for channel in controller_map.drives]
+    lost = np.sqrt(np.mean((back[:, :samples] - drive[:, :samples]) ** 2, axis=1))
+    return lost / np.maximum(silent, drive.std(axis=1))
 
 
 def operator_sheet(controller_map: ControllerMap, order: Order) -> str:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from duralab_drive_files import AcceptedResponse, DriveFileError, Inbox, Order, Outbox, drive_hash, judged, steep_leads
+from duralab_drive_files import AcceptedResponse, DriveFileError, Inbox, Order, Outbox, drive_faults, drive_hash, judged
 from duralab_gateway import Approach, PlaybackRig, Run, RunEndedError, complete_description
 from duralab_gateway.motion import Block, DrivePlayback, Use
 from duralab_proto.v1 import query_pb2, rig_pb2
@@ -54,8 +54,8 @@ class FileRig(PlaybackRig):
 
     def playback(self, drive: np.ndarray, run: Run) -> DrivePlayback:
         """Return a playback of a checked drive."""
-        if steep := list(steep_leads(self.outbox.map, drive)):
-            raise RunEndedError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, f"{'; '.join(steep)}.", field="drive.samples")
+        if found := list(drive_faults(self.outbox.map, drive)):
+            raise RunEndedError(query_pb2.FAULT_CODE_INVALID_ARGUMENT, f"{'; '.join(found)}.", field="drive.samples")
         return _FilePlayback(self, drive, run, self._description)
 
     def stop(self, reason: str) -> None:
