@@ -90,7 +90,8 @@ def test_drive_response_target_and_frequency_responses_come_out_of_a_recording(t
         ("drive", None, best.drive),
         ("response", 1, first.response),
         ("response_in_band", None, best.response_in_band),
-        ("target", None, recording.target),
+        ("target", None, Signals.from_message(recording.specification.target, field="target")),
+        ("target_in_band", None, recording.target),
     ):
         out = tmp_path / f"{what}.csv"
         options = () if playback is None else ("--playback", playback)
@@ -112,7 +113,7 @@ def test_drive_response_target_and_frequency_responses_come_out_of_a_recording(t
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("a.csv", "--what", "road"), "target, drive"),
+        (("a.csv", "--what", "road"), "target, target_in_band, drive"),
         (("a.csv", "--what", "frf"), ".uff"),
         (("a.csv", "--what", "target", "--playback", "1"), "leave it out"),
         (("h.uff", "--what", "frf", "--playback", "2"), "--playback is 2; the frequency responses are the model's"),

@@ -20,6 +20,7 @@ from duralab.lab.client import LabClient, require_one
 from duralab.lab.fetching import Part, fetch, wait_until_closed
 from duralab.lab.playing import read_drive_file
 from duralab.lab.recordings_folder import RecordingsPlace
+from duralab.near_files import did_you_mean
 from duralab.recording import Recording, open_recording
 from duralab_bus import FaultError
 from duralab_proto.v1 import identifier_pb2, iterator_pb2
@@ -151,6 +152,12 @@ def _first_drive(given: str, *, ask: LabClient, rig: Rig, folder: Path) -> tuple
     path = folder / given
     if path.suffix != ".mcap" and path.is_file():
         return read_drive_file(path, rig), None
+    if "." in given and not path.is_file():
+        raise InputError(
+            f"{field} is {given!r}, and there is no file {str(path)!r}; give a drive file, a recording or the id of one"
+            f"{did_you_mean(path)}",
+            field=field,
+        )
     with _recording(given, ask=ask, folder=folder, field=field) as recording:
         return best_playback(recording, name=given, field=field)
 

@@ -62,6 +62,12 @@ class Event(Section):
     def _check_bounds(self) -> Self:
         if self.at_most is not None and self.at_most < self.at_least:
             raise ValueError(f"at_least is {self.at_least} and at_most {self.at_most}; at_least must not be above")
+        highest = MOST_REPEATS if self.at_most is None else self.at_most
+        if self.repeats is not None and not self.at_least <= self.repeats <= highest:
+            raise ValueError(
+                f"repeats is {self.repeats}, and at_least and at_most allow {self.at_least} to {highest}; leave "
+                "repeats out, and the design chooses it"
+            )
         return self
 
 

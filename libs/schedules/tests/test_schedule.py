@@ -103,6 +103,12 @@ def test_repeats_that_are_still_to_be_designed_are_refused_when_they_are_needed(
             "repeats: 5, at_least: 3, at_most: 2",
             "at_least is 3 and at_most 2; at_least",
         ),
+        (
+            "repeats: 5",
+            "repeats: 5, at_most: 4",
+            "repeats is 5, and at_least and at_most allow 0 to 4; leave repeats out",
+        ),
+        ("repeats: 5", "repeats: 5, at_least: 6", "repeats is 5, and at_least and at_most allow 6 to "),
         ("repeats: 5", f"repeats: {MOST_REPEATS}", f"has {MOST_REPEATS + 2} repeats; {MOST_REPEATS} are allowed"),
         ("name: weeks", "name: weeks\nname: days", "it is not YAML: the key 'name' is given twice"),
         ("name: weeks", "name: weeks\norder: nested", "has no blocks; blocks belong to the order nested"),

@@ -82,6 +82,19 @@ def test_a_stop_between_two_steps_is_told_with_the_one_before(monkeypatch):
     assert status.fault.message == "The campaign was stopped while storing the model: enough."
 
 
+def test_the_warnings_of_the_identification_are_remarks_of_the_campaign():
+    def doubted_model(request):
+        model = exact_model(request)
+        model.warnings.add(channel="force", sentence="The static gain of force has not settled.")
+        return model
+
+    with lab_in_this_process("iterator_doubted", lambda _recorder, request, _call: doubted_model(request)) as found:
+        lab, _ = found
+        lab.start(specification("doubted"))
+        status = lab.end_of("doubted")
+    assert "Identification: The static gain of force has not settled." in status.remarks
+
+
 def test_an_event_that_cannot_be_kept_ends_no_campaign(monkeypatch):
     class FullPublisher:
         closed = False

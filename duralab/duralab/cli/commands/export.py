@@ -25,6 +25,7 @@ class Exported(StrEnum):
     """Data that a recording can export."""
 
     TARGET = "target"
+    TARGET_IN_BAND = "target_in_band"
     DRIVE = "drive"
     RESPONSE = "response"
     RESPONSE_IN_BAND = "response_in_band"
@@ -36,7 +37,7 @@ def export(
     out: Annotated[Path | None, typer.Argument(metavar="[OUT]", help="The file to write; not with --map.")] = None,
     *,
     what: Annotated[
-        str, typer.Option("--what", help="target, drive, response, response_in_band, or frf (into .uff or .unv).")
+        str, typer.Option("--what", help="drive; target or response, whole or as _in_band; or frf (into .uff or .unv).")
     ] = "drive",
     playback: Annotated[
         int | None, typer.Option("--playback", metavar="N", help="Number of the playback; the best if left out.")
@@ -135,7 +136,7 @@ def refuse_beside_map(**options: object) -> None:
 
 
 def _playback_taken(recording: Recording, what: Exported, asked: int | None) -> int | None:
-    if what is Exported.TARGET:
+    if what in (Exported.TARGET, Exported.TARGET_IN_BAND):
         if asked is not None:
             raise InputError(f"--playback is {asked}; there is one target, so leave it out.", field="playback")
         return None
@@ -148,6 +149,10 @@ def _playback_taken(recording: Recording, what: Exported, asked: int | None) -> 
 
 
 def _recorded(recording: Recording, what: Exported, playback: int | None) -> Signals:
+    if what is Exported.TARGET:
+        from duralab.data import Signals
+
+        return Signals.from_message(recording.specification.target, field="target")
     if playback is None:
         return recording.target
     taken = recording.playback(playback)

@@ -189,6 +189,7 @@ class Campaign:
             start = checked_model(model, plan=plan)
             self._holds.begin(model, start)
             drive_map = checked_drive_map(model, start, plan=plan)
+            self._board.add_remarks([f"Identification: {warning.sentence}" for warning in model.warnings])
             self._board.add_remarks(map_remarks(model.drive_map))
             recorded = [recorded_playback(step, plan=plan) for step in self._before.iterations]
             spent_before = identification_damage(model, plan=plan)
