@@ -32,6 +32,33 @@ def one(unit, value=1.0, name="x"):
         ("microstrain", "1", 1e-6),
         ("lbf", "N", 4.4482216152605),
         ("inch", "mm", 25.4),
+        # Factors of thousand, and exact definitions: 1 lb = 0.45359237 kg, 1 ft = 0.3048 m, 1 in = 0.0254 m.
+        ("mg", "m/s^2", 9.80665e-3),
+        ("mG", "m/s^2", 9.80665e-3),
+        ("ug", "m/s^2", 9.80665e-6),
+        ("µg", "m/s^2", 9.80665e-6),
+        ("μg", "m/s^2", 9.80665e-6),
+        ("milligram", "kg", 1e-6),
+        ("g^2/Hz", "(m/s^2)**2/Hz", 9.80665**2),
+        ("mV/g", "V/(m/s^2)", 1e-3 / 9.80665),
+        ("mm/s2", "m/s^2", 1e-3),
+        ("mm2", "m^2", 1e-6),
+        ("KN", "N", 1e3),
+        ("mNm", "N*m", 1e-3),
+        ("daNm", "N*m", 10.0),
+        ("MNm", "N*m", 1e6),
+        ("kN-m", "N*m", 1e3),
+        ("N/Nm", "1/m", 1.0),
+        ("Nm/deg", "N*m/rad", 180 / math.pi),
+        ("Ns/m", "kg/s", 1.0),
+        ("RPM", "rad/s", 2 * math.pi / 60),
+        ("Deg", "rad", math.pi / 180),
+        ("DEG", "rad", math.pi / 180),
+        ("uE", "1", 1e-6),
+        ("µE", "1", 1e-6),
+        ("ft-lb", "N*m", 0.3048 * 0.45359237 * 9.80665),
+        ("lbf-ft", "N*m", 0.3048 * 0.45359237 * 9.80665),
+        ("in-lb", "N*m", 0.0254 * 0.45359237 * 9.80665),
     ],
 )
 def test_a_unit_is_converted_by_its_definition(given, wanted, factor):
@@ -66,6 +93,18 @@ def test_the_units_of_a_lab_are_those_of_themselves():
 def test_a_unit_that_is_not_known_is_named(unit):
     with pytest.raises(InputError, match="of x is not known"):
         convert_units(one(unit))
+
+
+@pytest.mark.parametrize(
+    ("unit", "meant"),
+    # Peta-ampere, pico-year, mega-molar and atto-newton: pint reads each, and no channel has such a unit.
+    [("PA", "Pa"), ("pa", "Pa"), ("MM", "mm"), ("MPA", "MPa"), ("hz", "Hz"), ("aN", None), ("ma", None), ("cg", None)],
+)
+def test_a_unit_that_no_file_means_is_refused_with_the_one_that_is_meant(unit, meant):
+    with pytest.raises(InputError, match="of x is not known") as caught:
+        convert_units(one(unit))
+    assert ("did you mean" in str(caught.value)) == (meant is not None)
+    assert meant is None or f"(did you mean {meant}?)" in str(caught.value)
 
 
 @pytest.mark.parametrize(
