@@ -24,6 +24,7 @@ from duralab_settings import (
     Seed,
     StopCriteria,
     UpdateSection,
+    dump_yaml,
     with_new_keys,
 )
 
@@ -187,12 +188,10 @@ class Campaign(PlaybackSettings, Sections):
         """Exact text of the file; for a campaign made in a script, the text of an equivalent file."""
         if self._text:
             return self._text
-        import yaml
-
         content = self.model_dump(mode="json", exclude_none=True)
         # Keep null limits: a null limit is not judged, whereas an omitted one has its default.
         content["accept"] = self.accept.model_dump(mode="json")
-        return yaml.safe_dump(content, sort_keys=False)
+        return dump_yaml(content)
 
     @property
     def remarks(self) -> tuple[str, ...]:

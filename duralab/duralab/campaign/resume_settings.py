@@ -8,14 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
 from pydantic import ValidationError
 
 from duralab.campaign.file import Campaign
 from duralab.campaign.loading import explained, load_campaign, parse_campaign, parse_mapping, read_text, today
 from duralab.errors import InputError
 from duralab_proto.v1 import iterator_pb2
-from duralab_settings import ControlBandSettings, Section, StopCriteria, UpdateSection, parse_yaml
+from duralab_settings import ControlBandSettings, Section, StopCriteria, UpdateSection, dump_yaml, parse_yaml
 
 _SECTIONS: Final = {"update": UpdateSection, "stop": StopCriteria, "control_band": ControlBandSettings}
 _RESUMED: Final = ("update", "stop")
@@ -125,7 +124,7 @@ def completed(settings: PartialSettings, parent: iterator_pb2.CampaignSpec) -> C
         raise explained(error, name=f"{settings.name}, with what campaign {parent.id!r} has: ") from error
     changed = ", ".join(name for section, keys in settings.sections.items() for name in _names(section, keys))
     text = f"# Campaign {parent.id} with other settings: {changed}.\n"
-    text += yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    text += dump_yaml(content)
     return campaign.read_from(folder=Path(), text=text)
 
 

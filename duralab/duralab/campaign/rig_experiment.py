@@ -7,10 +7,10 @@ import re
 from typing import Final
 
 import numpy as np
-import yaml
 
 from duralab.data import Channel, Rig
 from duralab.errors import InputError
+from duralab_settings import dump_yaml
 
 _RANGE_SHARE: Final = 0.03
 """RMS of a drive as a share of its limit: with peaks of about 4.5 times the RMS, an eighth of the range is used."""
@@ -149,7 +149,7 @@ def _in_section(text: str, section: str, changes: tuple[tuple[str, str], ...]) -
 
 def _key(name: str) -> str:
     """Return a channel's name as a key of YAML."""
-    return yaml.safe_dump(name, allow_unicode=True, width=math.inf).splitlines()[0]
+    return dump_yaml(name, width=math.inf).splitlines()[0]
 
 
 def plain(text: str) -> str:

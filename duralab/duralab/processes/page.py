@@ -13,11 +13,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final, Self
 
-import yaml
-
 from duralab.errors import InputError, LabError
 from duralab.processes.supervisor import close_quietly, describe_exit, last_lines, require_services
 from duralab.processes.viewer import require_free_port
+from duralab_settings import dump_yaml
 
 PAGE_PORT: Final = 7480
 START_SECONDS: Final = 60.0
@@ -49,7 +48,7 @@ class OperatorPage:
             "folder": str(folder.resolve()),
             "viewer": viewer,
         }
-        self._config.write_text(yaml.safe_dump(content), encoding="utf-8")
+        self._config.write_text(dump_yaml(content), encoding="utf-8")
         self._ending = threading.Event()
         self._process = self._spawn()
         try:

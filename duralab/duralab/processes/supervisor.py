@@ -19,12 +19,11 @@ from threading import Thread
 from types import MappingProxyType
 from typing import IO, Final, Self
 
-import yaml
-
 from duralab.errors import PROCESS_LIMIT, InputError, LabError, ServiceEndedError, is_process_limit
 from duralab.processes.service_process import UNKNOWN_EXIT, ServiceProcess, start_service
 from duralab_bus import Bus, SpanKind, import_in_background, span
 from duralab_proto.keys import MAIN_INSTANCE
+from duralab_settings import dump_yaml
 
 START_SECONDS: Final = 90.0
 """Longest time to wait for all services; a rig compiles its model at its first start."""
@@ -177,7 +176,7 @@ class Supervisor:
         content = {"bus": bus, "exit_with_parent": True, **plan.settings}
         if self._trace_folder is not None:
             content["trace_folder"] = str(self._trace_folder.resolve())
-        config.write_text(yaml.safe_dump(content, sort_keys=False), encoding="utf-8")
+        config.write_text(dump_yaml(content), encoding="utf-8")
         log = self.log_path(plan.name)
         log.write_bytes(b"")
         try:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-import yaml
-
 from duralab_schedules import Schedule
+from duralab_settings import dump_yaml
 
 
 def schedule_text(schedule: Schedule, *, folder: Path) -> str:
@@ -32,4 +31,4 @@ def schedule_text(schedule: Schedule, *, folder: Path) -> str:
             # The id of a recording is not a path and is unchanged.
             if key in section and (schedule.folder / section[key]).exists():
                 section[key] = Path(os.path.relpath(schedule.folder / section[key], folder)).as_posix()
-    return yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
+    return dump_yaml(content)

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-import yaml
 
 from duralab.campaign import (
     Despike,
@@ -25,6 +24,7 @@ from duralab.campaign import (
 )
 from duralab.data import Signals, StepRecord, step_record
 from duralab.errors import InputError
+from duralab_settings import dump_yaml
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ def edit_signals(signals: Signals, steps: Sequence[EditStep | Mapping[str, Any] 
         records.append(
             step_record(
                 name=step.name,
-                settings=yaml.safe_dump(described, default_flow_style=True, sort_keys=False, width=10_000).strip(),
+                settings=dump_yaml(described, flow=True, width=10_000).strip(),
                 before=signals,
                 after=edited.signals,
                 spikes=edited.spikes,

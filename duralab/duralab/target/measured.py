@@ -8,13 +8,13 @@ from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from duralab.campaign import SourceChannel
 from duralab.data import READ_FILE, ChannelRecord, Rig, Signals, SourceRecord, StepRecord
 from duralab.errors import InputError
 from duralab.target.editing import EditedTarget
 from duralab_gateway import CalculatedChannel
+from duralab_settings import dump_yaml
 
 
 def read_target_file(
@@ -87,7 +87,7 @@ def _read_record(
     settings = {"file": path.name, **({"channels": stated} if stated else {}), **({"calculated": made} if made else {})}
     return StepRecord(
         name=READ_FILE,
-        settings=yaml.safe_dump(settings, default_flow_style=True, sort_keys=False, width=10_000).strip(),
+        settings=dump_yaml(settings, flow=True, width=10_000).strip(),
         samples_before=given.samples.shape[1],
         samples_after=target.samples.shape[1],
         sample_rate_before=given.sample_rate,

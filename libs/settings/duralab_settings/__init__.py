@@ -42,7 +42,7 @@ from duralab_settings.plugins import Plugin, load_plugin, one_line, plugin_names
 from duralab_settings.portable_files import OPEN_BINARY, lock_file
 from duralab_settings.regular_files import open_regular, read_regular, require_regular
 from duralab_settings.section import Section
-from duralab_settings.strict_yaml import LARGEST_TEXT, YamlError, parse_yaml, read_yaml_text
+from duralab_settings.strict_yaml import LARGEST_TEXT, YamlError, dump_yaml, parse_yaml, read_yaml_text
 from duralab_settings.units import UnitError, base_unit, unit_conversion
 from duralab_settings.validation import Explanation, explain_validation
 from duralab_settings.values import Gain, MisfitError, NotNegative, Positive, Range, Seed, SettingsError, per_channel
@@ -96,6 +96,7 @@ __all__ = [
     "WhitePinkSpectrum",
     "YamlError",
     "base_unit",
+    "dump_yaml",
     "explain_validation",
     "explained",
     "load_plugin",

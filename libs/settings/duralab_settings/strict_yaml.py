@@ -31,9 +31,35 @@ MOST_DIRECTIVES: Final = 10
 _LONGEST_QUOTED: Final = 80
 _DIRECTIVE: Final = re.compile("(?:^|[\n\r\x85\u2028\u2029])%")
 _INTEGER_TAG: Final = "tag:yaml.org,2002:int"
+_FLOAT_TAG: Final = "tag:yaml.org,2002:float"
+
+# Numbers of YAML 1.2, such as 1e3 and 0o17, which YAML 1.1 reads as texts; and numbers of YAML 1.1, of which those
+# with another value in 1.2 (010, 1:30) are refused.
+_NUMBERS: Final = {
+    _INTEGER_TAG: re.compile(
+        r"[-+]?(?:0b[01_]+|0o[0-7]+|0x[0-9a-fA-F_]+|0[0-9_]*|[1-9][0-9_]*(?::[0-5]?[0-9])*)\Z",
+    ),
+    _FLOAT_TAG: re.compile(
+        r"(?:[-+]?(?:[0-9][0-9_]*\.[0-9_]*|\.[0-9][0-9_]*)(?:[eE][-+]?[0-9]+)?|[-+]?[0-9][0-9_]*[eE][-+]?[0-9]+"
+        r"|[-+]?[0-9][0-9_]*(?::[0-5]?[0-9])+\.[0-9_]*|[-+]?\.(?:inf|Inf|INF)|\.(?:nan|NaN|NAN))\Z",
+    ),
+}
+_LEADING_ZERO: Final = re.compile("[-+]?0[0-9_]+")
+_FIRST_OF_NUMBERS: Final = "-+.0123456789"
 
 #: Safe loader, in C if PyYAML was built with it: 20 times faster on a specimen.
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def _resolvers(library: Any) -> dict[str, list[tuple[str, re.Pattern[str]]]]:
+    """Return the patterns of PyYAML by first character, with the numbers as read here."""
+    patterns: dict[str, list[tuple[str, re.Pattern[str]]]] = {
+        first: [(tag, pattern) for tag, pattern in listed if tag not in _NUMBERS]
+        for first, listed in library.yaml_implicit_resolvers.items()
+    }
+    for first in _FIRST_OF_NUMBERS:
+        patterns[first] = [*_NUMBERS.items(), *patterns.get(first, [])]
+    return patterns
 
 
 class YamlError(ValueError):
@@ -43,15 +69,67 @@ class YamlError(ValueError):
 class _StrictLoader(_SafeLoader):
     """Loader that names the position of an unreadable date or number; `_check_extent` runs before it."""
 
+    yaml_implicit_resolvers = _resolvers(_SafeLoader)
+
     def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
-        if isinstance(node, yaml.ScalarNode) and node.tag == _INTEGER_TAG and len(node.value) > MOST_DIGITS:
-            raise _marked(f"{_quoted(node.value)} cannot be read as int (it has more than {MOST_DIGITS} digits)", node)
+        if isinstance(node, yaml.ScalarNode) and node.tag in _NUMBERS:
+            _check_number(node)
         try:
             return super().construct_object(node, deep)
         except (ArithmeticError, AttributeError, LookupError, ValueError) as error:
             # It looks like a date or a number and is not, or has such a tag.
             kind = node.tag.rpartition(":")[2]
             raise _marked(f"{_quoted(node.value)} cannot be read as {kind} ({error})", node) from error
+
+
+class _StrictDumper(yaml.SafeDumper):
+    """Dumper that quotes a text which the loader would read as a number, such as "1e3"."""
+
+    yaml_implicit_resolvers = _resolvers(yaml.SafeDumper)
+
+
+def _check_number(node: yaml.ScalarNode) -> None:
+    """Refuse an integer that is too long, and a number that YAML 1.1 reads in base 8 or 60."""
+    value: str = node.value
+    reason = ""
+    if node.tag == _INTEGER_TAG and len(value) > MOST_DIGITS:
+        reason = f"it has more than {MOST_DIGITS} digits"
+    elif ":" in value:
+        reason = "numbers in base 60 are not read; write it in base 10, or put a text in quotes"
+    elif node.tag == _INTEGER_TAG and _LEADING_ZERO.fullmatch(value):
+        sign, digits = value.rstrip(value.lstrip("-+")), value.lstrip("-+0_") or "0"
+        reason = f"an integer does not begin with 0; write {sign}{digits}, or put a text in quotes"
+    if reason:
+        raise _marked(f"{_quoted(value)} cannot be read as {node.tag.rpartition(':')[2]} ({reason})", node)
+
+
+def dump_yaml(content: Any, *, sort_keys: bool = False, flow: bool = False, width: float = 80) -> str:
+    """Return the YAML text of a value; `parse_yaml` reads the same value from it.
+
+    Parameters
+    ----------
+    content : Any
+        Mappings, lists and single values.
+    sort_keys : bool
+        Whether the keys of mappings are sorted; otherwise they keep their order.
+    flow : bool
+        Whether lists and mappings are in brackets and braces.
+    width : float
+        Length in characters after which a line is continued on the next one.
+
+    Returns
+    -------
+    str
+        Text that ends with a line feed.
+    """
+    return yaml.dump(
+        content,
+        Dumper=_StrictDumper,
+        sort_keys=sort_keys,
+        default_flow_style=flow,
+        width=width,  # pyright: ignore[reportArgumentType] -- math.inf is allowed
+        allow_unicode=True,
+    )
 
 
 def read_yaml_text(path: Path) -> str:
@@ -90,6 +168,7 @@ def parse_yaml(text: str) -> Any:
     -------
     Any
         Mappings, lists and single values; None for an empty text. An alias is the same object at every use.
+        Numbers are those of YAML 1.2 (1e3 is 1000.0); yes, no, on and off are booleans, as in YAML 1.1.
 
     Raises
     ------

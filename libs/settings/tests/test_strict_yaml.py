@@ -5,7 +5,7 @@ import random
 
 import pytest
 
-from duralab_settings import LARGEST_TEXT, YamlError, parse_yaml, read_yaml_text
+from duralab_settings import LARGEST_TEXT, YamlError, dump_yaml, parse_yaml, read_yaml_text
 
 
 def test_what_is_yaml_is_what_it_says():
@@ -23,6 +23,52 @@ def test_what_is_yaml_is_what_it_says():
 
 
 @pytest.mark.parametrize(
+    ("text", "number"),
+    # By the core schema of YAML 1.2, chapter 10.3.2.
+    [
+        *[("6e1", 60.0), ("25e-4", 25e-4), ("1e-1", 0.1), ("1E+3", 1000.0), ("-1.5e3", -1500.0), ("+.5e1", 5.0)],
+        *[("1.", 1.0), ("010.5", 10.5), ("0.0", 0.0), ("-.inf", -float("inf")), ("1.0e+5", 1e5)],
+        *[("0", 0), ("-0", 0), ("+12", 12), ("0o17", 15), ("0x1F", 31), ("10", 10)],
+        # Of YAML 1.1, where the value cannot be mistaken.
+        *[("1_000", 1000), ("0b11", 3)],
+    ],
+)
+def test_a_number_is_that_of_yaml_1_2(text, number):
+    value = parse_yaml(f"a: {text}")["a"]
+    assert (type(value), value) == (type(number), number)
+
+
+@pytest.mark.parametrize(
+    "text", ["1e", "e1", "1e3x", "1.2.3", ".", "+", "0o8", "08:30", "1-2", "'010'", "'1:30'", '"1e3"']
+)
+def test_what_looks_like_a_number_and_is_none_is_a_text(text):
+    assert parse_yaml(f"a: {text}") == {"a": text.strip("'\"")}
+
+
+def test_a_text_that_is_written_is_read_as_text():
+    texts = [
+        "1e3",
+        "25e-4",
+        "010",
+        "08",
+        "1:30",
+        "0o17",
+        "1_000",
+        "1.5",
+        "yes",
+        "2024-01-01",
+        "null",
+        "",
+        "a: b",
+        "ä",
+        "~",
+    ]
+    content = {"texts": texts, "numbers": [1e3, 1e-5, 1e300, 0.1, 10, -3], "1e3": True, "day": None}
+    for flow in (False, True):
+        assert repr(parse_yaml(dump_yaml(content, flow=flow))) == repr(content)
+
+
+@pytest.mark.parametrize(
     ("text", "said"),
     [
         ("a: 1\nb: 2\na: 3", "the key 'a' is given twice (line 3, column 1)"),
@@ -30,6 +76,16 @@ def test_what_is_yaml_is_what_it_says():
         ("a: 2024-02-30", "'2024-02-30' cannot be read as timestamp (day "),
         (f"a: {'9' * 5000}", f"'{'9' * 79}… cannot be read as int ("),
         (f"a: 1{':00' * 300}.5", "cannot be read as float ("),
+        (
+            "a: 010",
+            "'010' cannot be read as int (an integer does not begin with 0; write 10, or put a text in quotes) (line 1",
+        ),
+        ("a: 1\nseed: -0120", "write -120, or put a text in quotes) (line 2, column 7)"),
+        ("a: 08", "write 8, or"),
+        ("a: 00", "write 0, or"),
+        ("a: !!int 010", "an integer does not begin with 0"),
+        ("a: [1:30]", "'1:30' cannot be read as int (numbers in base 60 are not read; write it in base 10, or put"),
+        ("a: 1:30.5", "'1:30.5' cannot be read as float (numbers in base 60 are not read"),
         ("a: !!bool perhaps", "'perhaps' cannot be read as bool ('perhaps') (line 1, column 4)"),
         ("[" * 100_000, "lists and mappings stand 101 deep in one another; 100 are allowed (line 1, column 101)"),
         ("- " * 3_000 + "a", "lists and mappings stand 101 deep in one another"),

@@ -10,11 +10,10 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import yaml
 from pydantic import ValidationError
 
 from duralab_bus import ConfigError
-from duralab_settings import explain_validation
+from duralab_settings import dump_yaml, explain_validation
 from operator_page.accounts import (
     CERTIFICATE_PATTERN,
     HASHER,
@@ -74,7 +73,7 @@ def _read_password(parser: argparse.ArgumentParser) -> str:
 def _write(file: Path, accounts: dict[str, Any]) -> None:
     part = file.with_name(f"{file.name}.part")
     with os.fdopen(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600), "w", encoding="utf-8") as stream:
-        yaml.safe_dump({"accounts": accounts}, stream, sort_keys=True)
+        stream.write(dump_yaml({"accounts": accounts}, sort_keys=True))
     part.replace(file)
 
 

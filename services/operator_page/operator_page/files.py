@@ -25,7 +25,7 @@ from duralab.campaign import (
 )
 from duralab.output_files import replace_when_complete
 from duralab_schedules import Schedule
-from duralab_settings import YamlError, explain_validation, parse_yaml
+from duralab_settings import YamlError, dump_yaml, explain_validation, parse_yaml
 
 UPLOADS: Final = "uploads"
 DRIVES: Final = "drives"
@@ -73,7 +73,7 @@ class PageFiles:
 
     def checked(self, document: Mapping[str, Any], rig: Rig | None) -> tuple[Campaign, str]:
         """Check a document as the command line checks a file; return the campaign, and the text of that file."""
-        text = yaml.safe_dump(dict(document), sort_keys=False, allow_unicode=True)
+        text = dump_yaml(dict(document))
         plan = parse_campaign(text, name=str(document.get("name", "campaign")), folder=self.folder)
         measured = plan.target.file or (plan.target.opencrg.path if plan.target.opencrg is not None else None)
         if measured is not None and not self._is_inside(measured):
@@ -94,7 +94,7 @@ class PageFiles:
 
     def checked_schedule(self, document: Mapping[str, Any]) -> tuple[Schedule, str]:
         """Check a schedule as the command line checks its file; return it, and the text of that file."""
-        text = yaml.safe_dump(dict(document), sort_keys=False, allow_unicode=True)
+        text = dump_yaml(dict(document))
         schedule = self.read_schedule(text)
         plan = schedule.plan.mix or {} if schedule.plan is not None else {}
         named = [event.drive for event in schedule.events.values()]
