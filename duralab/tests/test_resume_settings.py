@@ -55,7 +55,7 @@ def test_a_whole_campaign_file_and_a_shipped_one_still_count(tmp_path):
         ("stop: {iterations: two}\n", r"stop\.iterations is 'two'"),
         ("update: {gain_curve: [{frequency: 1.0}]}\n", r"update\.gain_curve\.0\.share is missing"),
         ("update: 5\n", "update is 5"),
-        ("update:\n", "update is None"),
+        ("update:\n", "update is empty"),
         ("stop: {iterations: 9}\ncontrol_band: {lowest_frequency: 1.0, highest_frequency: 9.0}\n", "has control_band;"),
         ("stop: {iterations: 9}\nstops: {}\n", "has stops; settings to resume with are `update`, `stop` or both"),
         ("{}\n", "is empty; give `update`, `stop` or both"),

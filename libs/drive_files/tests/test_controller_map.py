@@ -201,7 +201,7 @@ def test_the_description_has_the_ranges_of_the_lab_and_the_calculated_channel_it
         ("rig: front_axle", "rig: Front Axle", "Front Axle"),
         ("rig: front_axle", "rig: front_axle\nrig: b", "the key 'rig' is given twice"),
         ("rig: front_axle", "rig: [", "it is not YAML"),
-        ("channel: LF Pressure", "channel: Ωmega", "it must match"),
+        ("channel: LF Pressure", "channel: Ωmega", "it must be a text of printable Latin-1 characters"),
     ],
 )
 def test_what_cannot_be_is_refused_in_one_sentence_with_the_file(read, tmp_path, old, new, said):

@@ -1,5 +1,6 @@
 """Findings of pydantic in one sentence: place, value, what is allowed, and what follows from another finding."""
 
+import datetime
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Annotated, Literal
@@ -80,11 +81,66 @@ def explained(content, **options):
         (ROUND | {"drive": "all"}, "drive is 'all'; allowed: 'front', 'rear'.", None),
         (ROUND | {"load": {"rear": "x"}}, "load.rear is 'x'; it must be a valid number", "load.rear"),
         ({"wheels": [], "colour": "green"}, "wheels is []; it must have at least 1 item", "wheels"),
-        (None, "the document is None; it must be a mapping", ""),
+        (None, "the document is empty; it must be a mapping", ""),
     ],
 )
 def test_a_finding_is_place_value_and_what_is_allowed(content, sentence, field):
     explanation = explained(content)
+    assert explanation.sentence.startswith(sentence)
+    assert field is None or explanation.field == field
+
+
+Name = Annotated[str, Field(pattern="^[a-z][a-z0-9_]*$")]
+
+
+class Plain(BaseModel):
+    """Kinds of values whose errors pydantic words for programmers of Python."""
+
+    span: tuple[float, float] = (0.0, 1.0)
+    names: frozenset[str] = frozenset()
+    title: str = ""
+    share: float | dict[str, float] = 1.0
+    frequency: dict[Name, float] = {}
+    weight: dict[str, float] = {}
+    level: float | Literal["auto"] = "auto"
+    is_fast: bool = False
+    day: datetime.date | None = None
+
+
+@pytest.mark.parametrize(
+    ("content", "sentence", "field"),
+    [
+        ({"span": 3}, "span is 3; it must be a list.", "span"),
+        ({"span": [1, 2, 3]}, "span is [1, 2, 3]; it must have at most 2 items.", "span"),
+        ({"names": "x"}, "names is 'x'; it must be a list.", None),
+        ({"span": [None, 1]}, "span.0 is empty; it must be a valid number.", "span.0"),
+        ({"title": None}, "title is empty; it must be a text.", None),
+        ({"title": True}, "title is True; it must be a text in quotes.", None),
+        ({"title": datetime.date(2024, 1, 1)}, "title is 2024-01-01; it must be a text in quotes.", None),
+        ({"title": [None, datetime.date(2024, 1, 1)]}, "title is [null, 2024-01-01]; it must be a text.", None),
+        ({"share": "x"}, "share is 'x'; it must be a valid number or a mapping.", "share"),
+        ({"share": {"Fz": "x"}}, "share.Fz is 'x'; it must be a valid number.", "share.Fz"),
+        ({"level": "x"}, "level is 'x'; it must be a valid number or 'auto'.", "level"),
+        ({"weight": {"float": "x"}}, "weight.float is 'x'; it must be a valid number.", "weight.float"),
+        (
+            {"weight": {"a": "x", "b": "x"}},
+            "weight.a is 'x'; it must be a valid number; weight.b is 'x'; it must",
+            None,
+        ),
+        (
+            {"frequency": {"F z": 1}},
+            "the key 'F z' of frequency is not allowed; it must be a name of lower case letters, digits and '_' that "
+            "begins with a letter.",
+            "frequency.F z",
+        ),
+        ({"is_fast": "maybe"}, "is_fast is 'maybe'; it must be true or false.", None),
+        ({"day": "today"}, "day is 'today'; it must be a date such as 2024-01-31.", None),
+    ],
+)
+def test_a_sentence_has_no_words_of_python(content, sentence, field):
+    with pytest.raises(ValidationError) as caught:
+        Plain.model_validate(content)
+    explanation = explain_validation(caught.value, Plain)
     assert explanation.sentence.startswith(sentence)
     assert field is None or explanation.field == field
 

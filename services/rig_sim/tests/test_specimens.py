@@ -135,7 +135,7 @@ def test_all_bad_values_are_named_at_once(tmp_path):
         ("name: 2024-02-30", "is not YAML: '2024-02-30' cannot be read as timestamp"),
         ("name: " + "[" * 3_000, "is not YAML: lists and mappings stand 101 deep"),
         ("- a\n- b", r"the document is \['a', 'b'\]"),
-        ("", "the document is None"),
+        ("", "the document is empty"),
     ],
 )
 def test_a_file_that_is_no_specimen_is_refused(tmp_path, content, said):
