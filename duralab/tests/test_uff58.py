@@ -84,3 +84,20 @@ def test_a_rate_that_six_digits_do_not_tell_is_said(tmp_path):
 
     written = write_signals(Signals((Channel("a", "N"),), 1000 / 3 + 0.001, np.ones((1, 5))), tmp_path / "a.uff")
     assert "six digits" in written.notes[0]
+
+
+@pytest.mark.parametrize("kept", [-1000, -500, -9, -5, -2])
+@pytest.mark.parametrize("line_end", [b"\n", b"\r\n"])
+def test_a_file_that_ends_in_its_last_dataset_is_refused(tmp_path, kept, line_end):
+    from duralab import Signals
+
+    path = tmp_path / "a.uff"
+    write_signals(Signals((Channel("a", "N"), Channel("b", "N")), 10.0, np.ones((2, 50))), path)
+    sound = path.read_bytes().replace(b"    -1\n", b"    -1" + line_end)
+    for end in (b"", b" " * 74 + b"\n", b"\n\n"):
+        path.write_bytes(sound.removesuffix(line_end) + end)
+        assert read_signals(path).names == ("a", "b")
+    path.write_bytes(sound.removesuffix(line_end)[:kept])
+    with pytest.raises(FormatError, match="the last dataset is not closed by a line '-1'") as caught:
+        read_signals(path)
+    assert caught.value.offset == path.stat().st_size

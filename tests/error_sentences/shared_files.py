@@ -178,7 +178,7 @@ def _mdf_of_version_3(path: Path) -> None:
     path.with_suffix(".mdf").rename(path)
 
 
-def _cut_tdms(path: Path) -> None:
+def _shortened(path: Path) -> None:
     write_signals(_signals("left", "right"), path)
     path.write_bytes(path.read_bytes()[:-3000])
 
@@ -252,7 +252,8 @@ _MADE: Final[dict[str, Callable[[Path], Any]]] = {
     "rows_missing.parquet": _parquet_of_too_few_rows,
     "texts.mf4": _mdf_of_texts,
     "version_3.mf4": _mdf_of_version_3,
-    "cut.tdms": _cut_tdms,
+    "cut.tdms": _shortened,
+    "cut.uff": _shortened,
     "no_rate.mat": lambda path: _mat(path, sample_rate=None, names=None, units=None),
     "rate_0.mat": lambda path: _mat(path, sample_rate=0.0),
     "one_name.mat": lambda path: _mat(path, names=np.array(["left"], dtype=object)),

@@ -54,6 +54,8 @@ _STEP_DIGITS: Final = 5.1e-6
 
 _EXPECTED: Final = "a universal file with datasets 58"
 _PAIR: Final = re.compile(r"(.+) per (.+)")
+_DELIMITER: Final = re.compile(rb" {4}-1(?=[\r\n]| {74}|\Z)")
+"""Line that opens or closes a dataset, by the rule of pyuff."""
 
 
 def read_uff58(path: Path) -> Signals:
@@ -175,8 +177,13 @@ def read_frequency_response(path: str | Path) -> FrequencyResponse:
 
 def _sets(path: Path, function: int, kind: str) -> list[dict[str, Any]]:
     pyuff = require_library("pyuff", extra="uff")
-    require_file(path)
-    with parsing(path, _EXPECTED):
+    size = require_file(path)
+    with parsing(path, _EXPECTED) as stream:
+        # pyuff ignores a dataset that is not closed.
+        if sum(1 for _ in _DELIMITER.finditer(stream.read())) % 2:
+            raise FormatError(
+                path, "the last dataset is not closed by a line '-1'; copy or save the file again.", offset=size
+            )
         file = pyuff.UFF(str(path))
         chosen = []
         for number, dataset in enumerate(file.get_set_types()):
