@@ -45,14 +45,18 @@ def unique_names(names: Iterable[str]) -> list[str]:
     Returns
     -------
     list of str
-        Names. An empty one becomes "channel_<place>", from 1; a repeated one gets "_2", "_3" and so on.
+        Names. An empty one becomes "channel_<place>", from 1; a repeated one gets the first of "_2", "_3" and so on
+        that makes a name of no other channel.
     """
+    given = [name.strip() for name in names]
+    # No made name may be the name that the file gives to another channel.
+    reserved = set(given)
     taken: set[str] = set()
     unique: list[str] = []
-    for place, given in enumerate(names, start=1):
-        base = given.strip() or f"channel_{place}"
+    for place, own in enumerate(given, start=1):
+        base = own or f"channel_{place}"
         name, count = base, 1
-        while name in taken:
+        while name in taken or (name != own and name in reserved):
             count += 1
             name = f"{base}_{count}"
         taken.add(name)

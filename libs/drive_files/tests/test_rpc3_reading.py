@@ -9,7 +9,7 @@ import rpc3_files
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from duralab_drive_files import DriveFileError, read_rpc3
+from duralab_drive_files import DriveFileError, read_rpc3, unique_names
 from duralab_drive_files.rpc3_reading import PADDING_ATTRIBUTE
 
 REAL = Path(__file__).resolve().parents[4] / "shared" / "data" / "pyRPC3_test1.rsp"
@@ -120,6 +120,19 @@ def test_what_real_writers_do_is_read(tmp_path):
     assert signals.sample_rate == 250.0
     assert signals.attributes["NCODE_STAT1_CHAN_1"] == "1,2,3"
     assert "512 bytes" in signals.attributes["duralab.trailing_bytes"]
+
+
+@pytest.mark.parametrize(
+    ("names", "unique"),
+    [
+        (["Fz", "Fz", "Fz_2"], ["Fz", "Fz_3", "Fz_2"]),
+        (["Fz", "Fz", " Fz_2 ", "Fz_2"], ["Fz", "Fz_3", "Fz_2", "Fz_2_2"]),
+        (["", "channel_1"], ["channel_1_2", "channel_1"]),
+        (["", "", "channel_2_2"], ["channel_1", "channel_2", "channel_2_2"]),
+    ],
+)
+def test_a_name_that_the_file_gives_stays_with_its_channel(names, unique):
+    assert unique_names(names) == unique
 
 
 def test_records_may_be_empty_and_of_a_keyword_that_comes_twice_the_first_counts(tmp_path):
