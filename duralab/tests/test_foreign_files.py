@@ -1,5 +1,6 @@
 """Files as other programs write them: read where their meaning is clear, refused with the reason where it is not."""
 
+import re
 from csv import reader as csv_reader
 
 import asammdf
@@ -11,9 +12,10 @@ import pytest
 import scipy.io
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
+from test_cli import invoke
 
 from duralab import Channel, InputError, Signals
-from duralab.formats import FormatError, read_signals, write_signals
+from duralab.formats import LEFT_OUT, FormatError, read_signals, write_signals
 from duralab_drive_files import unique_names
 
 TIME = np.arange(100) / 200
@@ -71,7 +73,9 @@ def mdf(tmp_path, *groups):
     path = tmp_path / "a.mf4"
     with asammdf.MDF(version="4.10") as measurement:
         for group in groups:
-            measurement.append([asammdf.Signal(samples, time, name=name, unit="N") for name, time, samples in group])
+            measurement.append(
+                [asammdf.Signal(samples, time, name=name, unit="N", encoding="utf-8") for name, time, samples in group]
+            )
         measurement.save(path, overwrite=True)
     return path
 
@@ -115,7 +119,7 @@ def test_a_parquet_table_of_other_columns_or_with_nulls_is_refused(tmp_path):
     for table, said in (
         ({"t": TIME, "a [N]": TIME}, "first column is 't'"),
         ({"time [s]": [0.0, 1.0], "a [N]": [1.0, None]}, "has nulls"),
-        ({"time [s]": [0.0, 1.0], "a [N]": ["x", "y"]}, "Parquet table was expected"),
+        ({"time [s]": [0.0, 1.0], "a [N]": ["x", "y"]}, "is of type string"),
     ):
         pyarrow.parquet.write_table(pyarrow.table(table), path)
         with pytest.raises(FormatError, match=said):
@@ -165,3 +169,63 @@ def test_csv_refuses_a_name_that_would_end_its_header(tmp_path):
     with pytest.raises(InputError, match=r"The channel 'a\\nb' in 'N' has a line break"):
         write_signals(signals, tmp_path / "a.csv")
     assert not (tmp_path / "a.csv").exists()
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"wf_start_offset": 5.0}, "'a' starts at 0.0 s and 'b' at 5.0 s; one start"),
+        ({"wf_start_time": np.datetime64("2020-01-01T00:00:01", "us")}, "and 'b' at 0.0 s after 2020"),
+        ({"wf_xunit_string": "ms"}, "the axis of 'b' is 'ms'; time in seconds was expected"),
+        ({"wf_xunit_string": "Hz"}, "the axis of 'b' is 'Hz'"),
+    ],
+)
+def test_tdms_channels_without_one_time_in_seconds_are_refused(tmp_path, changes, said):
+    step = {"wf_increment": 0.005, "wf_start_offset": 0, "wf_xunit_string": "s"}
+    path = tdms(tmp_path, ("a", np.ones(5), step), ("b", np.ones(5), step))
+    assert read_signals(path).names == ("a", "b")
+    with pytest.raises(FormatError, match=said):
+        read_signals(tdms(tmp_path, ("a", np.ones(5), step), ("b", np.ones(5), step | changes)))
+
+
+def test_channels_that_are_left_out_are_named(tmp_path):
+    step = {"wf_increment": 0.005}
+    others = (np.ones(5) * 1j, np.ones(5, dtype=bool), np.array(["x"] * 5))
+    path = tdms(tmp_path, ("a", np.ones(5), step), *((f"b{place}", data, step) for place, data in enumerate(others)))
+    signals = read_signals(path)
+    assert signals.names == ("a",)
+    assert signals.attributes == {LEFT_OUT: "Channels that are not real numbers are left out: b0, b1, b2."}
+    texts = mdf(tmp_path, [("a", TIME[:2], np.ones(2)), ("gear", TIME[:2], np.array([b"P", b"D"]))])
+    assert read_signals(texts).attributes == {LEFT_OUT: "Channels that are not real numbers are left out: gear."}
+    for command in (["info", texts], ["convert", path, tmp_path / "a.csv"]):
+        assert "Channels that are not real numbers are left out" in invoke(*command)[1]
+
+
+def test_mdf_samples_that_are_marked_invalid_are_refused(tmp_path):
+    path = tmp_path / "a.mf4"
+    invalid = np.arange(100) >= 50
+    for bits in (np.zeros(100, dtype=bool), invalid):
+        with asammdf.MDF(version="4.10") as measurement:
+            measurement.append([asammdf.Signal(np.ones(100), TIME, name="a", unit="N", invalidation_bits=bits)])
+            measurement.save(path, overwrite=True)
+        if bits is not invalid:
+            assert read_signals(path).samples.shape == (1, 100)
+    with pytest.raises(FormatError, match="50 samples of a are marked as invalid, the first is sample 50"):
+        read_signals(path)
+
+
+@pytest.mark.parametrize(
+    ("column", "kind", "data"),
+    [
+        ("time [s]", r"timestamp\[us\]", np.arange(100).astype("datetime64[us]")),
+        ("time [s]", r"duration\[ms\]", np.arange(100).astype("timedelta64[ms]")),
+        ("a [N]", r"duration\[us\]", np.arange(100).astype("timedelta64[us]")),
+        ("a [N]", "bool", TIME > 0),
+        ("a [N]", "string", ["1"] * 100),
+    ],
+)
+def test_a_parquet_column_that_is_not_of_numbers_is_refused(tmp_path, column, kind, data):
+    path = tmp_path / "a.parquet"
+    pyarrow.parquet.write_table(pyarrow.table({"time [s]": TIME, "a [N]": TIME, column: data}), path)
+    with pytest.raises(FormatError, match=rf"the column '{re.escape(column)}' is of type {kind}; integers or floating"):
+        read_signals(path)

@@ -101,3 +101,37 @@ def test_a_file_that_ends_in_its_last_dataset_is_refused(tmp_path, kept, line_en
     with pytest.raises(FormatError, match="the last dataset is not closed by a line '-1'") as caught:
         read_signals(path)
     assert caught.value.offset == path.stat().st_size
+
+
+def text_set(name, *, start=0.0, kind=17, unit="s", ordinates=4):
+    return "\n".join(
+        [
+            f"{-1:6d}", f"{58:6d}", *(f"{text:<80}" for text in (name, "NONE", "NONE", "NONE", "NONE")),
+            f"{1:5d}{0:10d}{0:5d}{0:10d} {'NONE':<10}{1:10d}{1:4d} {'NONE':<10}{0:10d}{0:4d}",
+            f"{ordinates:10d}{2:10d}{1:10d}{start:13.5e}{0.005:13.5e}{0.0:13.5e}",
+            f"{kind:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {unit:<20}",
+            *(f"{0:10d}{0:5d}{0:5d}{0:5d} {'NONE':<20} {'NONE':<20}" for _ in range(3)),
+            "".join(f"{value:20.12e}" for value in np.arange(2 if ordinates == 4 else 4)),
+            f"{-1:6d}\n",
+        ]
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"start": 10.0}, "'a' starts at 0.0 s and 'b' at 10.0 s; one start for all channels was expected"),
+        ({"unit": "ms"}, "the axis of 'b' is 'ms'; time in seconds was expected"),
+        ({"unit": "Hz", "kind": 18}, r"the axis of 'b' is 'Hz \(type 18\)'"),
+        ({"unit": "", "kind": 18}, r"the axis of 'b' is '\(type 18\)'"),
+        ({"ordinates": 6}, "the samples of 'b' are complex; real ones were expected"),
+    ],
+)
+def test_time_histories_without_one_time_in_seconds_or_complex_are_refused(tmp_path, changes, said):
+    path = tmp_path / "a.uff"
+    for unit, kind in (("s", 17), ("NONE", 17), ("SEC", 0), ("", 1)):
+        path.write_text(text_set("a") + text_set("b", unit=unit, kind=kind))
+        np.testing.assert_array_equal(read_signals(path).samples, [[0.0, 1.0]] * 2)
+    path.write_text(text_set("a") + text_set("b", **changes))
+    with pytest.raises(FormatError, match=said):
+        read_signals(path)

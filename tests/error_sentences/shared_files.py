@@ -183,23 +183,37 @@ def _shortened(path: Path) -> None:
     path.write_bytes(path.read_bytes()[:-3000])
 
 
-def _tdms_of_two_rates(path: Path) -> None:
+def _tdms(path: Path, **of_the_second: Any) -> None:
+    """A TDMS file of two channels with properties of the second changed."""
     import nptdms
 
+    properties = {"wf_increment": 0.005}
     with nptdms.TdmsWriter(path) as writer:
         writer.write_segment(
             [
-                nptdms.ChannelObject("g", name, np.ones(5), properties={"wf_increment": step})
-                for name, step in (("left", 0.005), ("right", 0.01))
+                nptdms.ChannelObject("g", "left", np.ones(5), properties=properties),
+                nptdms.ChannelObject("g", "right", np.ones(5), properties=properties | of_the_second),
             ]
         )
 
 
-def _parquet_with_nulls(path: Path) -> None:
+def _mdf_of_invalid_samples(path: Path) -> None:
+    import asammdf
+
+    time = np.arange(100) / 200.0
+    with asammdf.MDF(version="4.10") as measurement:
+        measurement.append([asammdf.Signal(np.ones(100), time, name="left", unit="N", invalidation_bits=time > 0.3)])
+        measurement.save(path, overwrite=True)
+
+
+def _parquet(path: Path, **columns: Any) -> None:
+    """A Parquet table of two rows with columns changed."""
     import pyarrow
     import pyarrow.parquet
 
-    pyarrow.parquet.write_table(pyarrow.table({"time [s]": [0.0, 1.0], "left [N]": [1.0, None]}), path)
+    content = {"time": [0.0, 1.0], "left": [1.0, 2.0], **columns}
+    table = pyarrow.table({"time [s]": content["time"], "left [N]": content["left"]})
+    pyarrow.parquet.write_table(table, path)
 
 
 def _parquet_of_too_few_rows(path: Path) -> None:
@@ -247,8 +261,12 @@ _MADE: Final[dict[str, Callable[[Path], Any]]] = {
     "beyond.drv": lambda path: write_signals(_signals("left", "right", unit="m", rate=200.0, peak=0.2), path),
     "cut.rsp": _cut,
     "two_times.mf4": _mdf_of_two_times,
-    "two_rates.tdms": _tdms_of_two_rates,
-    "nulls.parquet": _parquet_with_nulls,
+    "two_rates.tdms": lambda path: _tdms(path, wf_increment=0.01),
+    "two_starts.tdms": lambda path: _tdms(path, wf_start_offset=5.0),
+    "milliseconds.tdms": lambda path: _tdms(path, wf_xunit_string="ms"),
+    "invalid.mf4": _mdf_of_invalid_samples,
+    "nulls.parquet": lambda path: _parquet(path, left=[1.0, None]),
+    "time_of_day.parquet": lambda path: _parquet(path, time=np.array([0, 5], dtype="datetime64[ms]")),
     "rows_missing.parquet": _parquet_of_too_few_rows,
     "texts.mf4": _mdf_of_texts,
     "version_3.mf4": _mdf_of_version_3,

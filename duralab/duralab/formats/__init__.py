@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from duralab.lazy_face import lazy_face
 
 if TYPE_CHECKING:
+    from duralab.formats.columns import LEFT_OUT
     from duralab.formats.controller_files import ExportedDrive, ImportedResponse, export_drive, import_response
     from duralab.formats.errors import FormatError, Written
     from duralab.formats.exchange import Format, FormatPlugin, format_of, read_signals, write_signals
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from duralab.formats.units import SI_UNITS, add_calculated, convert_units, named_units
 
 __all__ = [
+    "LEFT_OUT",
     "SI_UNITS",
     "ExportedDrive",
     "Format",

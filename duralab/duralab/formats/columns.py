@@ -36,6 +36,36 @@ def rate_of_times(path: Path, time: np.ndarray) -> float:
     return rate_of_step(step, resolution=1e-9 * step)
 
 
+LEFT_OUT: Final = "duralab.left_out"
+"""Key in `Signals.attributes` of a sentence that names the channels of a file that are not read."""
+
+_SECONDS: Final = ("", "s", "sec", "second", "seconds")
+
+
+def left_out(names: Sequence[str]) -> dict[str, str]:
+    """Return the attribute about channels that are not read; empty without such channels."""
+    return {LEFT_OUT: f"Channels that are not real numbers are left out: {', '.join(names)}."} if names else {}
+
+
+def require_one_time(path: Path, axes: Sequence[tuple[str, str, str]]) -> None:
+    """Refuse channels whose axis is not time in seconds, or that start at different times.
+
+    `axes`: Name, unit of the axis, and start of each channel.
+    """
+    for name, unit, start in axes:
+        if unit.strip().lower() not in _SECONDS:
+            raise FormatError(
+                path,
+                f"the axis of {name!r} is {unit!r}; time in seconds was expected, so export the channel over seconds.",
+            )
+        if start != axes[0][2]:
+            raise FormatError(
+                path,
+                f"{axes[0][0]!r} starts at {axes[0][2]} and {name!r} at {start}; one start for all channels was "
+                "expected, so export channels that start together.",
+            )
+
+
 TIME: Final = "time [s]"
 
 

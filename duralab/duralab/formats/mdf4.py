@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from duralab.data import Signals
-from duralab.formats.columns import signals_read
+from duralab.formats.columns import left_out, signals_read
 from duralab.formats.errors import FormatError, Written, require_file
 from duralab.formats.libraries import parsing, require_library, require_room
 
@@ -31,16 +31,23 @@ def read_mdf4(path: Path) -> Signals:
             require_room(
                 path, sum(int(group.channel_group.cycles_nr) * len(group.channels) for group in measurement.groups)
             )
-            found = [
+            signals = [
                 signal
                 for number in measurement.virtual_groups
                 for signal in measurement.select(
                     [(None, group, index) for group, index in _members(measurement, number)], copy_master=False
                 )
-                if signal.samples.ndim == 1 and signal.samples.dtype.kind in "iuf"
             ]
+    found = [signal for signal in signals if _is_numbers(signal)]
     if not found:
         raise FormatError(path, "it holds no channel of numbers; one or more were expected.")
+    for signal in found:
+        if signal.invalidation_bits is not None and (invalid := np.flatnonzero(signal.invalidation_bits)).size:
+            raise FormatError(
+                path,
+                f"{invalid.size} samples of {signal.name} are marked as invalid, the first is sample {invalid[0]}; "
+                "valid ones were expected, so cut the measurement or leave the channel out.",
+            )
     time = np.asarray(found[0].timestamps, dtype=np.float64)
     for signal in found[1:]:
         if signal.timestamps.shape != time.shape or not np.array_equal(signal.timestamps, time):
@@ -51,7 +58,12 @@ def read_mdf4(path: Path) -> Signals:
             )
     samples = np.array([signal.samples for signal in found], dtype=np.float64)
     names, units = [signal.name for signal in found], [signal.unit or "" for signal in found]
-    return signals_read(path, names, units, samples, time=time)
+    attributes = left_out([signal.name for signal in signals if not _is_numbers(signal)])
+    return signals_read(path, names, units, samples, time=time, attributes=attributes)
+
+
+def _is_numbers(signal: Any) -> bool:
+    return signal.samples.ndim == 1 and signal.samples.dtype.kind in "iuf"
 
 
 def _members(measurement: Any, number: int) -> list[tuple[int, int]]:

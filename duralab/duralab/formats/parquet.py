@@ -19,12 +19,19 @@ _OWN: Final = b"duralab."
 
 def read_parquet(path: Path) -> Signals:
     """Read a Parquet table of columns "time [s]", then "<name> [<unit>]" for each channel."""
-    require_library("pyarrow", extra="parquet")
+    pyarrow = require_library("pyarrow", extra="parquet")
     parquet = require_library("pyarrow.parquet", extra="parquet")
     require_file(path)
     with parsing(path, _EXPECTED) as stream:
         file = parquet.ParquetFile(stream)
         names, units = named_in_headings(path, file.schema_arrow.names)
+        for field in file.schema_arrow:
+            if not (pyarrow.types.is_integer(field.type) or pyarrow.types.is_floating(field.type)):
+                raise FormatError(
+                    path,
+                    f"the column {field.name!r} is of type {field.type}; integers or floating point, the time in "
+                    "seconds, were expected.",
+                )
         rows = file.metadata.num_rows
         require_room(path, rows * (len(names) + 1))
         values = np.empty((len(names) + 1, rows))

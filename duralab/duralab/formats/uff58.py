@@ -16,7 +16,7 @@ import numpy as np
 
 from duralab.data import Channel, Signals
 from duralab.errors import InputError
-from duralab.formats.columns import one_step, signals_read
+from duralab.formats.columns import one_step, require_one_time, signals_read
 from duralab.formats.errors import FormatError, Written, require_file
 from duralab.formats.libraries import parsing, require_library
 from duralab_drive_files import rate_of_step
@@ -45,7 +45,7 @@ class FrequencyResponse:
 TIME_RESPONSE: Final = 1
 FREQUENCY_RESPONSE: Final = 4
 EVEN: Final = 1
-_TIME_AXIS, _FREQUENCY_AXIS, _GENERAL = 17, 18, 1
+_TIME_AXIS, _FREQUENCY_AXIS, _GENERAL, _UNKNOWN = 17, 18, 1, 0
 _DOUBLE, _COMPLEX_DOUBLE = 4, 6
 _LITTLE_ENDIAN, _IEEE, _HEADER_LINES = 1, 2, 11
 _NAME_ROOM, _UNIT_ROOM = 80, 20
@@ -63,7 +63,15 @@ def read_uff58(path: Path) -> Signals:
     sets = _sets(path, TIME_RESPONSE, "time history")
     step = one_step(path, "its time histories", ((float(one["abscissa_inc"]), len(one["data"])) for one in sets))
     names, units = zip(*((_text(one["id1"]), _text(one.get("ordinate_axis_units_lab"))) for one in sets), strict=True)
-    samples = np.array([np.real(one["data"]) for one in sets], dtype=np.float64)
+    require_one_time(
+        path, [(name, _axis(one), f"{float(one['abscissa_min'])} s") for name, one in zip(names, sets, strict=True)]
+    )
+    for name, one in zip(names, sets, strict=True):
+        if np.iscomplexobj(one["data"]):
+            raise FormatError(
+                path, f"the samples of {name!r} are complex; real ones were expected, so export a real time history."
+            )
+    samples = np.array([one["data"] for one in sets], dtype=np.float64)
     return signals_read(path, names, units, samples, sample_rate=rate_of_step(step, resolution=_STEP_DIGITS * step))
 
 
@@ -195,6 +203,13 @@ def _sets(path: Path, function: int, kind: str) -> list[dict[str, Any]]:
     if not chosen:
         raise FormatError(path, f"it holds no {kind}; datasets 58 of function type {function} were expected.", offset=0)
     return chosen
+
+
+def _axis(content: dict[str, Any]) -> str:
+    """Return the unit of the abscissa, or its type if the type is known and not time."""
+    kind = content["abscissa_spec_data_type"]
+    unit = _text(content.get("abscissa_axis_units_lab"))
+    return unit if kind in {_TIME_AXIS, _GENERAL, _UNKNOWN} else f"{unit} (type {kind})".strip()
 
 
 def _require_even(path: Path, content: dict[str, Any], *, place: int) -> None:

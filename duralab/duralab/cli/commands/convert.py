@@ -48,15 +48,17 @@ def convert(
     as_json: Json = False,
 ) -> None:
     """Convert a file of signals to another format, and to other units or another sample rate."""
-    from duralab.formats import format_of, read_signals, write_signals
+    from duralab.formats import LEFT_OUT, format_of, read_signals, write_signals
     from duralab.output_files import require_outputs
 
     # A wrong name or a file in the way is said before a long file is read.
     format_of(out, to_format)
     require_outputs([out], read=[source], replace=replace)
-    signals = _resampled(in_units(read_signals(source, format=from_format), units), rate)
+    given = read_signals(source, format=from_format)
+    signals = _resampled(in_units(given, units), rate)
     written = write_signals(signals, out, format=to_format, overwrite=replace, data_type=data_type)
-    say_written(Output(as_json), signals, written)
+    origin = [given.attributes[LEFT_OUT]] if LEFT_OUT in given.attributes else []
+    say_written(Output(as_json), signals, written, origin=origin)
 
 
 def in_units(signals: Signals, units: Sequence[str] | None) -> Signals:

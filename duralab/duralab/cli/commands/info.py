@@ -33,7 +33,7 @@ def info(
 ) -> None:
     """Show the content of a signal file or a recording: channels, range, RMS, spectrum; campaign and playbacks."""
     from duralab.analysis import summarize
-    from duralab.formats import read_signals
+    from duralab.formats import LEFT_OUT, read_signals
     from duralab.recording import open_recording
 
     output = Output(as_json)
@@ -46,7 +46,8 @@ def info(
     signals = read_signals(file, format=from_format)
     summary = summarize(signals)
     if not output.document({"file": file, **_document(summary), "attributes": dict(signals.attributes)}):
-        output.say(str(file), *_summary_lines(summary))
+        omitted = [signals.attributes[LEFT_OUT]] if LEFT_OUT in signals.attributes else []
+        output.say(str(file), *_summary_lines(summary), *omitted)
 
 
 def _parts(recording: Recording) -> dict[str, Signals]:
