@@ -2,6 +2,7 @@
 
 import re
 from csv import reader as csv_reader
+from decimal import Decimal
 
 import asammdf
 import nptdms
@@ -229,3 +230,46 @@ def test_a_parquet_column_that_is_not_of_numbers_is_refused(tmp_path, column, ki
     pyarrow.parquet.write_table(pyarrow.table({"time [s]": TIME, "a [N]": TIME, column: data}), path)
     with pytest.raises(FormatError, match=rf"the column '{re.escape(column)}' is of type {kind}; integers or floating"):
         read_signals(path)
+
+
+def logged(tmp_path, rate, decimals, *, samples=2000, start=0.0, change=None):
+    """Return a CSV file of a logger that rounds its time stamps."""
+    times = [f"{start + place / rate:.{decimals}f}" for place in range(samples)]
+    if change is not None:
+        change(times)
+    return csv(tmp_path, "time [s],a [N]\n" + "".join(f"{time},1\n" for time in times))
+
+
+@pytest.mark.parametrize("start", [0.0, 7.0, 1234.56789])
+@pytest.mark.parametrize(
+    ("rate", "decimals"),
+    [(2048.0, 6), (2048.0, 5), (512.0, 5), (512.0, 6), (409.6, 6), (204.8, 5), (102.4, 4), (100.0, 3)],
+)
+def test_rounded_time_stamps_are_those_of_their_rate(tmp_path, rate, decimals, start):
+    if start == 1234.56789 and decimals < 5:
+        start = 1234.5
+    assert read_signals(logged(tmp_path, rate, decimals, start=start)).sample_rate == rate
+
+
+@pytest.mark.parametrize("place", [1, 2, 1000, 1997, 1998])
+@pytest.mark.parametrize(("rate", "decimals"), [(2048.0, 6), (2048.0, 5), (512.0, 5), (100.0, 3), (409.6, 4)])
+def test_rounded_time_stamps_with_a_missing_sample_are_refused(tmp_path, rate, decimals, place):
+    with pytest.raises(FormatError, match="the time steps differ"):
+        read_signals(logged(tmp_path, rate, decimals, change=lambda times: times.pop(place)))
+
+
+@pytest.mark.parametrize(("rate", "decimals"), [(2048.0, 6), (2048.0, 5), (512.0, 5), (100.0, 3), (409.6, 4)])
+def test_time_stamps_that_differ_by_more_than_their_rounding_are_refused(tmp_path, rate, decimals):
+    def late(times):
+        times[700] = f"{float(times[700]) + 1.5 * 10.0**-decimals:.{decimals}f}"
+
+    with pytest.raises(FormatError, match="the time steps differ"):
+        read_signals(logged(tmp_path, rate, decimals, change=late))
+
+
+@pytest.mark.parametrize("step", ["0.0003", "0.011", "0.003", "0.00007"])
+def test_a_time_step_of_few_digits_is_exact(tmp_path, step):
+    for samples in (3, 100, 5000):
+        times = [str(place * Decimal(step)) for place in range(samples)]
+        signals = read_signals(csv(tmp_path, "time [s],a [N]\n" + "".join(f"{time},1\n" for time in times)))
+        assert signals.sample_rate == pytest.approx(1 / float(step), rel=1e-12)

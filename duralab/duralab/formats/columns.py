@@ -14,7 +14,10 @@ from duralab.formats.errors import FormatError
 from duralab_drive_files import rate_of_step, unique_names
 
 LARGEST_TIME_STEP_ERROR: Final = 1e-3
-"""Largest deviation of a time stamp from an even grid, as a share of the step."""
+"""Largest deviation of a time stamp from an even grid, as a share of the step, beside its rounding."""
+
+COARSEST_DIGIT: Final = 0.1
+"""Largest value of the last digit of time stamps whose rounding is accepted, as a share of the step."""
 
 
 def rate_of_times(path: Path, time: np.ndarray) -> float:
@@ -22,10 +25,17 @@ def rate_of_times(path: Path, time: np.ndarray) -> float:
     if time.size < 2:
         raise FormatError(path, f"its number of samples is {time.size}; 2 or more are needed to know the sample rate.")
     step = float(time[-1] - time[0]) / (time.size - 1)
-    with np.errstate(over="ignore", invalid="ignore"):
-        grid = time[0] + step * np.arange(time.size)
-        even = np.isfinite(step) and step > 0 and bool((np.abs(time - grid) <= LARGEST_TIME_STEP_ERROR * step).all())
-    if not even or not np.isfinite(1 / step):
+    rate, even = np.inf, False
+    if 0 < step < np.inf and np.isfinite(1 / step):
+        digit = _last_digit(time)
+        error = float(np.abs(time - time[0] - step * np.arange(time.size)).max())
+        # Times that are even in all digits were not rounded.
+        rounding = digit / (time.size - 1) if error > 1e-3 * digit else 0.0
+        rate = rate_of_step(step, resolution=max(1e-9 * step, rounding))
+        even = error <= LARGEST_TIME_STEP_ERROR * step or (
+            digit <= COARSEST_DIGIT * step and _agree(time - time[0], rate, digit=digit)
+        )
+    if not even:
         steps = np.diff(time)
         worst = int(np.argmax(np.abs(steps - np.median(steps))))
         raise FormatError(
@@ -33,7 +43,24 @@ def rate_of_times(path: Path, time: np.ndarray) -> float:
             f"the time steps differ: {steps[worst]:g} s follows sample {worst}, {np.median(steps):g} s is usual; "
             "an even time that rises was expected.",
         )
-    return rate_of_step(step, resolution=1e-9 * step)
+    return rate
+
+
+def _last_digit(time: np.ndarray) -> float:
+    """Return the value in seconds of the last decimal that times were written with; 0 beyond nanoseconds."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        for decimals in range(10):
+            scaled = time * 10.0**decimals
+            if (np.abs(scaled - np.rint(scaled)) <= 4 * np.finfo(np.float64).eps * np.abs(scaled)).all():
+                return 10.0**-decimals
+    return 0.0
+
+
+def _agree(time: np.ndarray, rate: float, *, digit: float) -> bool:
+    """Check whether times are those of a rate, rounded to a digit: the first time exactly, or all of them."""
+    # The margins are for the rounding of float64. A whole digit is a step that differs.
+    errors = time - np.arange(time.size) / rate
+    return bool(np.abs(errors).max() <= 0.5001 * digit or np.ptp(errors) < 0.999 * digit)
 
 
 LEFT_OUT: Final = "duralab.left_out"

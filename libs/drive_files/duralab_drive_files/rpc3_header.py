@@ -191,7 +191,7 @@ class Header:
     def sample_rate(self) -> float:
         """Return the sample rate in hertz.
 
-        A whole number of hertz within 1e-6 that has exactly the digits of `DELTA_T` is returned instead.
+        The resolution of the time step is half of the last digit of `DELTA_T`.
         """
         expected = "a time step in seconds, greater than 0"
         digits = self._decimal("DELTA_T", expected)
@@ -200,7 +200,7 @@ class Header:
             raise self.error("DELTA_T", expected)
         exponent = digits.as_tuple().exponent
         last_digit = 10.0**exponent if isinstance(exponent, int) else 0.0
-        return rate_of_step(step, resolution=min(0.5 * last_digit, 1e-6 * step))
+        return rate_of_step(step, resolution=0.5 * last_digit)
 
     def layout(self) -> Layout:
         """Return the layout of the samples."""

@@ -72,13 +72,19 @@ def rate_of_step(step: float, *, resolution: float) -> float:
     step : float
         Time step in seconds, greater than 0.
     resolution : float
-        Largest difference from the step of a whole number of hertz, up to which the whole number is returned.
+        Largest error of the step in seconds, e.g. half of the last digit that was written.
 
     Returns
     -------
     float
-        Sample rate in hertz.
+        Sample rate in hertz: the whole number, else the multiple of 0.1, that agrees with the step within the
+        resolution; the reciprocal of the step if none agrees, or if the resolution leaves several.
     """
+    # A step of few digits agrees with many rates; it is exact then: 0.0003 s is not 3333 Hz.
+    if resolution > min(5e-5 * step, 0.5 * step * step):
+        resolution = min(resolution, 1e-6 * step)
     rate = 1 / step
-    whole = round(rate)
-    return float(whole) if whole > 0 and abs(1 / whole - step) <= resolution else rate
+    for near, coarsest in ((round(rate, 0), np.inf), (round(rate, 1), 0.01 * step * step)):
+        if near > 0 and resolution <= coarsest and abs(1 / near - step) <= resolution:
+            return near
+    return rate

@@ -156,7 +156,20 @@ def test_what_follows_the_first_nul_of_a_record_is_not_read(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "rate"), [("1.220703E-04", 8192.0), ("9.765625E-04", 1024.0), ("0.003", 1 / 0.003), ("2.5", 0.4)]
+    ("text", "rate"),
+    [
+        ("1.220703E-04", 8192.0),
+        ("9.765625E-04", 1024.0),
+        ("2.5", 0.4),
+        *((text, 409.6) for text in ("2.441406E-03", "2.44141E-03", "0.0024414")),
+        ("4.882813E-03", 204.8),
+        ("0.0097656", 102.4),
+        *((text, 512.0) for text in ("0.00195312", "0.0019531")),
+        ("0.00097656", 1024.0),
+        ("4.8828E-04", 2048.0),
+        *((text, 1 / float(text)) for text in ("0.003", "0.011", "0.0003", "0.00030000", "3.00000E-04", "0.0003000")),
+        *((text, 1 / float(text)) for text in ("0.00016384", "0.00032768", "0.00065536", "0.00128")),
+    ],
 )
 def test_the_sample_rate_is_what_the_digits_mean(tmp_path, text, rate):
     assert read_rpc3(plain(tmp_path, rpc3_files.keywords(CHANNELS, DELTA_T=text))).sample_rate == rate
