@@ -75,9 +75,13 @@ def test_samples_that_are_not_finite_are_counted():
     assert channel.band is None
 
 
-def test_values_whose_square_overflows_are_no_warning(recwarn):
-    (channel,) = summary(sine(10.0, 1e200)).channels
-    assert channel.maximum == pytest.approx(1e200)
+@pytest.mark.parametrize("amplitude", [1e-200, 1e155, 1e200, 1.7e308])
+def test_values_whose_square_overflows_have_their_rms_and_no_warning(recwarn, amplitude):
+    for row, mean, rms in ((sine(10.0), 0.0, np.sqrt(0.5)), (np.resize([1.0, 0.9], 20_000), 0.95, np.sqrt(0.905))):
+        (channel,) = summary(amplitude * row).channels
+        assert channel.maximum == pytest.approx(amplitude)
+        assert channel.mean / amplitude == pytest.approx(mean, abs=1e-9)
+        assert channel.rms / amplitude == pytest.approx(rms)
     assert channel.band is None
     assert list(recwarn) == []
 

@@ -50,6 +50,17 @@ def test_the_energy_of_a_mean_is_what_it_is():
         assert channel.energy_removed == pytest.approx(49.0 / (49.0 + variance))
 
 
+@pytest.mark.parametrize("scale", [2.0**-600, 2.0**600])
+def test_the_energy_of_samples_whose_square_overflows_is_the_same(recwarn, scale):
+    given = road()
+    shares = [
+        [channel.energy_removed for channel in edit_signals(signals, ["remove_mean"]).records[0].channels]
+        for signals in (given, Signals(given.channels, RATE, given.samples * scale))
+    ]
+    assert shares[0] == shares[1]
+    assert list(recwarn) == []
+
+
 def test_a_step_may_be_of_some_channels_only():
     given = road()
     edited = edit_signals(given, [{"filter": {"low_pass": 20, "channels": ["left_lateral"]}}])

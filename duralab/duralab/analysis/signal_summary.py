@@ -21,6 +21,8 @@ _AVERAGED_PARTS: Final = 4
 """A block of the density is about a quarter of the record: with half overlap this gives at least seven averages."""
 _LARGEST_BLOCK: Final = 2**16
 _SHORTEST_BLOCK: Final = 16
+_LARGEST: Final = 1e150
+"""Largest magnitude of a channel with a density; the density of larger values may overflow."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,8 +32,8 @@ class ChannelSummary:
     `name`, `unit`: Name and unit of the channel. `not_finite`: Number of samples that are NaN or infinite; the other
     values do not include them. `minimum`, `maximum`, `mean`, `rms`: Values of all finite samples; NaN without any.
     `band`: Frequencies in Hz below and above which 0.5 % of the energy is, without the mean; None if the channel is
-    constant, not finite, or shorter than 16 samples. `psd`, shape (columns) or (0): Largest power spectral density of
-    each frequency band, one-sided, in the unit squared per Hz; empty if `band` is None.
+    constant, not finite, larger than 1e150, or shorter than 16 samples. `psd`, shape (columns) or (0): Largest power
+    spectral density of each frequency band, one-sided, in the unit squared per Hz; empty if `band` is None.
     """
 
     name: str
@@ -77,12 +79,12 @@ def summarize(signals: Signals) -> SignalSummary:
         lines = line_frequencies(block, signals.sample_rate)[1:]
         edges = np.geomspace(lines[0], lines[-1], COLUMNS + 1)
     channels = []
-    # The square of a value from a damaged file may overflow; the infinite result shows the damage.
+    # Sums over a long channel of the largest values may overflow; it has no band then.
     with np.errstate(over="ignore", invalid="ignore"):
         for channel, row in zip(signals.channels, signals.samples, strict=True):
             minimum, maximum, mean, rms = _figures(row[np.isfinite(row)])
             band, psd = None, np.empty(0)
-            if block and np.isfinite(row).all() and minimum < maximum:
+            if block and np.isfinite(row).all() and -_LARGEST < minimum < maximum < _LARGEST:
                 density = _density(row, block=block, sample_rate=signals.sample_rate)
                 if 0.0 < density.sum() < np.inf:
                     band, psd = _band(lines, density), _coarse(lines, density, edges)
@@ -103,7 +105,12 @@ def summarize(signals: Signals) -> SignalSummary:
 def _figures(finite: NDArray[np.float64]) -> tuple[float, float, float, float]:
     if not finite.size:
         return np.nan, np.nan, np.nan, np.nan
-    return float(finite.min()), float(finite.max()), float(finite.mean()), float(np.sqrt(np.mean(finite**2)))
+    minimum, maximum = float(finite.min()), float(finite.max())
+    # The square of a value from a damaged file may overflow; a power of two as the scale changes no digit.
+    _, exponent = np.frexp(max(-minimum, maximum))
+    scaled = np.ldexp(finite, -exponent)
+    mean, rms = np.ldexp([scaled.mean(), np.sqrt(np.mean(scaled**2))], exponent)
+    return minimum, maximum, float(mean), float(rms)
 
 
 def _density(row: NDArray[np.float64], *, block: int, sample_rate: float) -> NDArray[np.float64]:

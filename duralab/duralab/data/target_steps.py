@@ -203,7 +203,12 @@ def step_record(
     `damage_kept`: Values by channel; empty if the step does not compute them.
     Returns: Record of the changes, by channel.
     """
-    energies = [np.sum(signals.samples**2, axis=1) / signals.sample_rate for signals in (before, after)]
+    # The square of a very large sample overflows; a power of two as the scale changes no digit of the ratio.
+    peaks = [np.abs(signals.samples).max(axis=1, keepdims=True, initial=0.0) for signals in (before, after)]
+    _, exponents = np.frexp(np.maximum(*peaks))
+    energies = [
+        np.sum(np.ldexp(signals.samples, -exponents) ** 2, axis=1) / signals.sample_rate for signals in (before, after)
+    ]
     removed = [1.0 - float(left) / float(there) if there > 0.0 else 0.0 for there, left in zip(*energies, strict=True)]
     return StepRecord(
         name=name,
