@@ -44,7 +44,8 @@ def test_csv_text_of_any_separator_and_line_end_is_read(tmp_path, separator, sta
     ("text", "said", "offset"),
     [
         ("time [s],a [N]\n0,1\n0.1,x\n0.2,3\n", "line 3", 19),
-        ("time [s],a [N]\n0,1\n0.1\n", "line 3", 19),
+        ("time [s],a [N]\n0,1\n0.1\n", "(this line has 1, the lines before have 2)", 19),
+        ("time [s],a [N]\n0,1\n0.1,2,3\n", "(this line has 3, the lines before have 2)", 19),
         ("time [s],a [N]\n0,1,2\n0.1,2,3\n", "line 2: 2 numbers", 0),
         ("time [s];a [N]\n0;1,5\n1;2\n", "line 2", 15),
         ("time [s],a [N]\n", "no samples", None),

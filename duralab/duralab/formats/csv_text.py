@@ -52,7 +52,7 @@ def read_csv(path: Path) -> Signals:
         line = _line(str(error))
         raise FormatError(
             path,
-            f"line {line}: {len(row)} numbers with decimal points were expected ({error}).",
+            f"line {line}: {len(row)} numbers with decimal points were expected ({_reason(str(error))}).",
             offset=_start_of(path, line),
         ) from error
     if values.shape[1] != len(row):
@@ -66,6 +66,12 @@ def _line(message: str) -> int:
     if found is None:
         return 2
     return int(found[1]) + (1 if "changed" in message else 2)
+
+
+def _reason(message: str) -> str:
+    """Return an error of numpy without the advice on its arguments."""
+    found = re.search(r"changed from (\d+) to (\d+)", message)
+    return message if found is None else f"this line has {found[2]}, the lines before have {found[1]}"
 
 
 def _start_of(path: Path, line: int) -> int:

@@ -278,7 +278,9 @@ def _composed(keyword: str, value: str) -> bytes:
         try:
             encoded = text.encode("latin-1")
         except UnicodeEncodeError:
-            raise ValueError(f"{keyword} is {value!r}; an RPC III header holds Latin-1 characters only.") from None
+            raise ValueError(
+                f"{keyword} is {value!r}; an RPC III header holds Latin-1 characters only; rename it."
+            ) from None
         if len(encoded) >= room or b"\0" in encoded:
             raise ValueError(f"{keyword} is {value!r}; it must have {room - 1} characters at most, and no NUL.")
         pieces.append(encoded.ljust(room, b"\0"))

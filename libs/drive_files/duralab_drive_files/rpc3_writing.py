@@ -154,7 +154,8 @@ def write_rpc3(
     try:
         header = compose_header(values)
     except ValueError as error:
-        raise DriveFileError(f"{path} cannot be written: {error}") from error
+        # The path is not named: it may be a temporary one.
+        raise DriveFileError(str(error)) from error
     largest = _write_groups(path, header, layout, history.samples, scales)
     return WrittenHistory(layout.groups * layout.points_per_group - samples, tuple(largest.tolist()))
 

@@ -162,8 +162,9 @@ def test_the_same_signals_give_the_same_bytes_and_a_silent_channel_stays_silent(
     [("Ω" * 3, "Latin-1"), ("a" * 96, "95 characters"), ("a\0b", "NUL")],
 )
 def test_a_name_that_does_not_fit_is_refused_and_not_cut(tmp_path, name, said):
-    with pytest.raises(DriveFileError, match=said):
+    with pytest.raises(DriveFileError, match=said) as caught:
         write_rpc3(TimeHistory((name,), ("N",), 100.0, np.ones((1, 10))), tmp_path / "a.rsp")
+    assert str(caught.value).startswith("DESC.CHAN_1 is ")
 
 
 def test_settings_and_signals_outside_the_description_are_refused(tmp_path):
