@@ -536,7 +536,7 @@ class Decision(_message.Message):
     def __init__(self, proposal: _Optional[int] = ..., kind: _Optional[_Union[DecisionKind, str]] = ..., name: _Optional[str] = ..., reason: _Optional[str] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., control_band: _Optional[_Union[ControlBand, _Mapping]] = ..., from_iteration: _Optional[int] = ..., scenario: _Optional[str] = ..., playback: _Optional[int] = ..., decided: _Optional[int] = ...) -> None: ...
 
 class CampaignStatus(_message.Message):
-    __slots__ = ("id", "phase", "activity", "fraction", "remaining_seconds", "iterations", "outcome", "fault", "best_iteration", "remarks", "repeatability", "confirmations", "hold")
+    __slots__ = ("id", "phase", "activity", "fraction", "remaining_seconds", "iterations", "outcome", "fault", "best_iteration", "remarks", "repeatability", "confirmations", "hold", "first_drive")
     ID_FIELD_NUMBER: _ClassVar[int]
     PHASE_FIELD_NUMBER: _ClassVar[int]
     ACTIVITY_FIELD_NUMBER: _ClassVar[int]
@@ -550,6 +550,7 @@ class CampaignStatus(_message.Message):
     REPEATABILITY_FIELD_NUMBER: _ClassVar[int]
     CONFIRMATIONS_FIELD_NUMBER: _ClassVar[int]
     HOLD_FIELD_NUMBER: _ClassVar[int]
+    FIRST_DRIVE_FIELD_NUMBER: _ClassVar[int]
     id: str
     phase: CampaignPhase
     activity: str
@@ -563,7 +564,8 @@ class CampaignStatus(_message.Message):
     repeatability: Repeatability
     confirmations: _containers.RepeatedCompositeFieldContainer[IterationMetrics]
     hold: Proposal
-    def __init__(self, id: _Optional[str] = ..., phase: _Optional[_Union[CampaignPhase, str]] = ..., activity: _Optional[str] = ..., fraction: _Optional[float] = ..., remaining_seconds: _Optional[float] = ..., iterations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., best_iteration: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., repeatability: _Optional[_Union[Repeatability, _Mapping]] = ..., confirmations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., hold: _Optional[_Union[Proposal, _Mapping]] = ...) -> None: ...
+    first_drive: IterationMetrics
+    def __init__(self, id: _Optional[str] = ..., phase: _Optional[_Union[CampaignPhase, str]] = ..., activity: _Optional[str] = ..., fraction: _Optional[float] = ..., remaining_seconds: _Optional[float] = ..., iterations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., outcome: _Optional[_Union[Outcome, str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., best_iteration: _Optional[int] = ..., remarks: _Optional[_Iterable[str]] = ..., repeatability: _Optional[_Union[Repeatability, _Mapping]] = ..., confirmations: _Optional[_Iterable[_Union[IterationMetrics, _Mapping]]] = ..., hold: _Optional[_Union[Proposal, _Mapping]] = ..., first_drive: _Optional[_Union[IterationMetrics, _Mapping]] = ...) -> None: ...
 
 class Repeatability(_message.Message):
     __slots__ = ("iteration", "playbacks", "channels")

@@ -1,10 +1,18 @@
-"""Settings of a campaign that corrects the drive of a worn specimen."""
+"""Settings and result of a campaign that corrects the drive of a worn specimen."""
 
+import threading
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
-from duralab_proto.v1 import iterator_pb2
+from duralab_bus import FaultError
+from duralab_proto.arrays import to_array, to_record
+from duralab_proto.keys import Keys
+from duralab_proto.v1 import array_pb2, iterator_pb2, recorder_pb2, rig_pb2
 from duralab_settings import ResolvedUpdate, SecantSettings, UpdateKind
 from duralab_settings.messages import fill_message, from_message
+from sequencer.endurance import iterate_again
 from sequencer.endurance.iterate_again import update_of_worn
 
 
@@ -32,3 +40,69 @@ def test_a_message_holds_the_settings_also_where_it_had_none_of_the_secant_updat
     wanted = update_of_worn(from_message(message, ResolvedUpdate))
     fill_message(message, wanted)
     assert from_message(message, ResolvedUpdate) == wanted
+
+
+def finished(*errors, best, first=None):
+    phase = iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    status = iterator_pb2.CampaignStatus(id="again", phase=phase, best_iteration=best)
+    for number, error in enumerate(errors, start=1):
+        status.iterations.add(iteration=number, overall_relative_rms_error=error)
+    if first is not None:
+        status.first_drive.overall_relative_rms_error = first
+    return status
+
+
+DRIVE = np.arange(8.0).reshape(1, 8)
+CHANNEL = array_pb2.Channel(name="a", unit="m")
+DESCRIPTION = rig_pb2.RigDescription(rig="r", sample_rate=100.0, drives=[CHANNEL], responses=[CHANNEL])
+
+
+@pytest.fixture
+def correct(monkeypatch):
+    """Return a function that corrects a drive by a campaign with the given end; playback n has n times the drive."""
+    parent = iterator_pb2.CampaignSpec(rig="r", update={"kind": iterator_pb2.UPDATE_KIND_SECANT})
+    parent.update.iteration_gain.CopyFrom(to_array(np.ones(1)))
+    monkeypatch.setattr(iterate_again, "_specification", lambda *_: parent)
+    steps = [iterator_pb2.IterationStep(iteration=n, drive=to_record([CHANNEL], 100.0, n * DRIVE)) for n in range(1, 4)]
+    stored = [(step, recorder_pb2.RecordedStep()) for step in steps]
+    monkeypatch.setattr(iterate_again, "_steps", lambda *_, **__: stored)
+
+    def corrected(status, *, response):
+        bus = SimpleNamespace(keys=Keys(), query=lambda *_: status)
+        return iterate_again.corrected_drive(
+            bus,
+            DRIVE,
+            response=response,
+            parent="parent",
+            corrected_by="",
+            id="again",
+            description=DESCRIPTION,
+            playbacks=3,
+            stop=threading.Event(),
+            on_activity=lambda _: None,
+        )
+
+    return corrected
+
+
+def test_a_drive_is_replaced_by_a_better_one_only(correct):
+    better = correct(finished(0.2, 0.11, best=2, first=0.117), response=DRIVE)
+    np.testing.assert_array_equal(better, 2.0 * DRIVE)
+    with pytest.raises(FaultError, match=r"no playback was better; the drive stays.* is 0\.117, .* playback 0\.197:"):
+        correct(finished(0.25, 0.197, best=2, first=0.117), response=DRIVE)
+    with pytest.raises(FaultError, match="no playback was better"):
+        correct(finished(0.117, best=1, first=0.117), response=DRIVE)
+
+
+def test_a_present_drive_that_is_played_once_more_competes_as_the_first_playback(correct):
+    np.testing.assert_array_equal(correct(finished(0.117, 0.1, best=2), response=None), 2.0 * DRIVE)
+    with pytest.raises(FaultError, match="no playback was better"):
+        correct(finished(0.117, 0.2, best=1), response=None)
+    # After the outcome "reached" the last playback counts as the best one.
+    with pytest.raises(FaultError, match="no playback was better"):
+        correct(finished(0.1, 0.12, best=2), response=None)
+
+
+def test_a_correction_without_a_best_playback_leaves_the_drive(correct):
+    with pytest.raises(FaultError, match="'again' has 1 playbacks and no best one; the drive stays"):
+        correct(finished(0.1, best=0, first=0.2), response=DRIVE)

@@ -22,6 +22,7 @@ from iterator.campaign import seeds
 from iterator.campaign.confirmation import confirmation_message, confirmed
 from iterator.campaign.hold import EndedAtHoldPointError, Holds
 from iterator.campaign.identification import identification_request, identification_run
+from iterator.campaign.known_before import first_drive_metrics
 from iterator.campaign.messages import (
     OUTCOMES,
     StepT,
@@ -190,6 +191,7 @@ class Campaign:
             self._holds.begin(model, start)
             drive_map = checked_drive_map(model, start, plan=plan)
             self._board.add_remarks([f"Identification: {warning.sentence}" for warning in model.warnings])
+            self._board.show_first_drive(first_drive_metrics(self._known, start, plan=plan))
             self._board.add_remarks(map_remarks(model.drive_map))
             recorded = [recorded_playback(step, plan=plan) for step in self._before.iterations]
             spent_before = identification_damage(model, plan=plan)

@@ -13,10 +13,13 @@ from duralab_bus import Bus, FaultError
 from duralab_proto.arrays import from_record
 from duralab_proto.contents import content_hash
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
-from iterator.campaign.messages import recorded_playback
+from iterator.assessment import judge_response
+from iterator.campaign.messages import channel_metrics, recorded_playback
 from iterator.campaign.plan import CampaignPlan, invalid
 from iterator.campaign.recorded import read_campaign
+from iterator.model import RigModel
 from iterator.playbacks import FirstDrive, KnownBefore, RecordedPlayback
+from iterator.updates import controlled_responses
 
 _HOUR_NANOSECONDS: Final = 3600e9
 _MODEL: Final = "known.model"
@@ -75,6 +78,27 @@ def read_known_before(bus: Bus, plan: CampaignPlan) -> KnownBefore:
     known = plan.spec.known
     first = _first_drive(known.first_drive, plan) if known.HasField("first_drive") else None
     return KnownBefore(tuple(_playbacks(bus, id, plan) for id in known.learn_from), first)
+
+
+def first_drive_metrics(
+    known: KnownBefore, model: RigModel, *, plan: CampaignPlan
+) -> iterator_pb2.IterationMetrics | None:
+    """Return the figures of a first drive that has a response to this target, numbered 0; None without one."""
+    first = known.first_drive
+    if first is None or first.response is None or not first.of_this_target:
+        return None
+    metrics = judge_response(
+        plan.target_in_band,
+        plan.settings.update.band.limit_response(first.response),
+        controlled=controlled_responses(model),
+        measured=first.response,
+        target_damage=plan.target_damage,
+    )
+    return iterator_pb2.IterationMetrics(
+        channels=channel_metrics(metrics, plan=plan),
+        overall_relative_rms_error=metrics.overall_relative_rms_error,
+        level=1.0,
+    )
 
 
 def _playbacks(bus: Bus, id: str, plan: CampaignPlan) -> tuple[RecordedPlayback, ...]:

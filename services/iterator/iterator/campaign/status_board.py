@@ -77,6 +77,11 @@ class CampaignBoard(StatusBoard[iterator_pb2.CampaignStatus]):
         if remarks:
             self.change(lambda status: status.remarks.extend(remarks))
 
+    def show_first_drive(self, metrics: iterator_pb2.IterationMetrics | None) -> None:
+        """Show the figures of a first drive that has a response to this target; None without one."""
+        if metrics is not None:
+            self.change(lambda status: status.first_drive.CopyFrom(metrics))
+
     def add_iteration(
         self, metrics: iterator_pb2.IterationMetrics, *, best_iteration: int, remarks: Sequence[str] = ()
     ) -> None:

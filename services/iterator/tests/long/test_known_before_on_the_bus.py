@@ -83,6 +83,24 @@ def test_killed_at_any_step_it_ends_with_the_same_bytes(lab):
         assert playbacks(lab, id) == playbacks(lab, "whole"), step
 
 
+def test_the_status_has_the_error_of_a_first_drive_with_a_response_to_this_target(lab):
+    lab.start(knowing("seen"))
+    assert not lab.end_of("seen").HasField("first_drive")
+    # A rig without signal blocks: the steps hold the samples.
+    seen = lab.recorder.read("seen", iterator_pb2.IterationStep)[0]
+    spec = knowing("again")
+    first = spec.known.first_drive
+    first.drive.CopyFrom(seen.drive)
+    first.response.CopyFrom(seen.response)
+    first.of_this_target = True
+    lab.start(spec)
+    ended = lab.end_of("again")
+    assert ended.first_drive.overall_relative_rms_error == seen.metrics.overall_relative_rms_error
+    errors = [channel.relative_rms_error for channel in seen.metrics.channels]
+    assert [channel.relative_rms_error for channel in ended.first_drive.channels] == errors
+    assert [metrics.iteration for metrics in ended.iterations] == [1, 2]
+
+
 def of_another_rig(spec):
     spec.known.model.CopyFrom(stored_model(spec, change=lambda model: setattr(model, "rig_content_hash", "another")))
 

@@ -452,7 +452,9 @@ class EnduranceTest:
                 self._correct(event, number)
             except FaultError as fault:
                 self._require_running()
-                self._wait(f"The drive of {name} was not corrected: {fault.message}", alarms=hold.alarms)
+                failed = f"The drive of {name} was not corrected: {fault.message}"
+                self._board.add_remark(failed)
+                self._wait(failed, alarms=hold.alarms)
                 return
 
     def _correct(self, event: int, number: int) -> None:

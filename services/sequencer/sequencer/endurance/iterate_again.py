@@ -51,7 +51,7 @@ def corrected_drive(
     more. `parent`: Campaign of the event's first drive, whose target, settings and model are used. `corrected_by`:
     Campaign of the present drive; empty for the first one. `id`: Id of the new campaign. `playbacks`: Largest number of
     corrections.
-    Raises FaultError: Reason why there is no drive; CANCELLED if `stop` was set, which also stops the campaign.
+    Raises FaultError: Reason why there is no better drive; CANCELLED if `stop` was set, which also stops the campaign.
     """
     spec = _specification(bus, parent)
     spec.id = id
@@ -83,11 +83,35 @@ def corrected_drive(
             status.fault.code or query_pb2.FAULT_CODE_INTERNAL,
             f"Campaign {id!r} ended early: {status.fault.message or status.activity}",
         )
+    _require_better(status)
     for message, step in _steps(bus, id, with_samples=True):
         if isinstance(message, iterator_pb2.IterationStep) and message.iteration == status.best_iteration:
             samples = step.drive if step.HasField("drive") else message.drive.samples
             return from_array(samples, field="drive", shape=drive.shape, dtype=np.float64)
     raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {status.best_iteration}.")
+
+
+def _require_better(status: iterator_pb2.CampaignStatus) -> None:
+    """Raise FaultError FAILED_PRECONDITION if no playback of a finished correction is better than the present drive.
+
+    The present drive is the first drive with its response, or playback 1 if it was played once more.
+    """
+    numbered = {metrics.iteration: metrics for metrics in status.iterations}
+    present = status.first_drive if status.HasField("first_drive") else numbered.get(1)
+    best = numbered.get(status.best_iteration)
+    if present is None or best is None:
+        raise FaultError(
+            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+            f"Campaign {status.id!r} has {len(numbered)} playbacks and no best one; the drive stays. See its remarks.",
+        )
+    if best.overall_relative_rms_error < present.overall_relative_rms_error:
+        return
+    raise FaultError(
+        query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+        f"In campaign {status.id!r} no playback was better; the drive stays. Its error in the control band is "
+        f"{present.overall_relative_rms_error:.3g}, that of the best playback {best.overall_relative_rms_error:.3g}: "
+        "continue with it, or look at the specimen.",
+    )
 
 
 def update_of_worn(update: ResolvedUpdate) -> ResolvedUpdate:
