@@ -13,12 +13,12 @@ import structlog
 from numpy.typing import NDArray
 
 from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, bring_to_rest, described_rig, early_end, halt_rig
-from duralab_monitoring import AlarmLevel, Monitor, RepeatVerdict, Statistic
+from duralab_monitoring import Alarm, AlarmLevel, Monitor, RepeatVerdict, Statistic
 from duralab_proto.arrays import from_record, samples_hash, to_array, to_record
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 from duralab_schedules import AlarmAction
 from sequencer.endurance.holds import Holds
-from sequencer.endurance.iterate_again import corrected_drive
+from sequencer.endurance.iterate_again import controlled_part, corrected_drive
 from sequencer.endurance.messages import alarm_message, column_names, progress_of_events, put_statistics
 from sequencer.endurance.plan import EndurancePlan
 from sequencer.endurance.rig_playback import REFUSALS, RigPlayback
@@ -385,8 +385,37 @@ class EnduranceTest:
         if AlarmAction.HOLD in actions:
             self._wait(sentence, alarms=step.alarms)
         elif AlarmAction.ITERATE_AGAIN in actions:
+            corrected = [a for a in verdict.alarms if self._action(a.level) is AlarmAction.ITERATE_AGAIN]
+            if uncorrectable := self._uncorrectable(step.event, corrected):
+                self._board.add_remark(uncorrectable)
+                # Without any repeat left, a decision would change nothing.
+                if step.repeat + 1 < len(self._plan.sequence):
+                    self._wait(f"{sentence} {uncorrectable} Continue, relearn or end.", alarms=step.alarms)
+                return
             hold = sequencer_pb2.EnduranceHold(next_repeat=step.repeat + 1, reason=sentence, alarms=step.alarms)
             self._apply(hold, self._holds.decided(hold, sequencer_pb2.ENDURANCE_DECISION_KIND_ITERATE_AGAIN))
+
+    def _uncorrectable(self, event: int, alarms: Sequence[Alarm]) -> str:
+        """Return why no drive of an event corrects any of its alarms; empty if one may, or if that is not known."""
+        parent = self._plan.spec.events[event].campaign
+        if not self._has_repeat_left(event):
+            return self._no_repeat_left(event)
+        try:
+            controlled = controlled_part(self._bus, parent) if parent else None
+        except FaultError:
+            self._require_running()
+            # The correction reads the same recording, and holds with the fault.
+            return ""
+        if controlled is None or not (reason := controlled.reason_against(alarms)):
+            return ""
+        return f"No drive of {self._plan.names[event]} corrects this alarm: {reason}."
+
+    def _has_repeat_left(self, event: int) -> bool:
+        return self._tallies[event].played < self._tallies[event].planned
+
+    def _no_repeat_left(self, event: int) -> str:
+        name = self._plan.names[event]
+        return f"No repeat of {name} is left, so its drive is not corrected."
 
     def _break_off(self, repeat: int, run: str, fault: FaultError) -> None:
         """Count a repeat with an unknown end, bring the rig to rest, and wait for a person."""
@@ -444,8 +473,14 @@ class EnduranceTest:
 
     def _iterate_again(self, hold: sequencer_pb2.EnduranceHold) -> None:
         """Correct the drives of the events with alarms, or of the next repeat's event; hold again if that fails."""
-        next_event = int(self._plan.sequence[min(hold.next_repeat, len(self._plan.sequence) - 1)])
-        for event in sorted({alarm.event for alarm in hold.alarms} or {next_event}):
+        events = {alarm.event for alarm in hold.alarms}
+        if not events:
+            # After the last repeat there is no event, and no drive to correct.
+            events = {int(event) for event in self._plan.sequence[hold.next_repeat : hold.next_repeat + 1]}
+        for event in sorted(events):
+            if not self._has_repeat_left(event):
+                self._board.add_remark(self._no_repeat_left(event))
+                continue
             name, number = self._plan.names[event], self._tallies[event].drive + 1
             self._step = f"iterating again for {name}"
             try:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -11,6 +12,7 @@ from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from duralab_bus import Bus, FaultError, message_of_step, recorded_steps
+from duralab_monitoring import Alarm, Measure, Statistic
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_settings import ResolvedUpdate
@@ -26,6 +28,10 @@ _ENDED: Final = (
     iterator_pb2.CAMPAIGN_PHASE_FAULTED,
     iterator_pb2.CAMPAIGN_PHASE_STOPPED,
 )
+# Measures that a campaign reproduces with a control band from 0 Hz only.
+_STATIC: Final = frozenset({Measure.STATIC, Statistic.MEAN})
+# A shift of the static part changes these, too.
+_WITH_MEAN: Final = frozenset({Statistic.MIN, Statistic.MAX, Statistic.RMS})
 _KINDS: Final = {
     kind.DESCRIPTOR.full_name: kind
     for kind in (iterator_pb2.CampaignSpec, identifier_pb2.Model, iterator_pb2.IterationStep)
@@ -111,6 +117,50 @@ def _require_better(status: iterator_pb2.CampaignStatus) -> None:
         f"In campaign {status.id!r} no playback was better; the drive stays. Its error in the control band is "
         f"{present.overall_relative_rms_error:.3g}, that of the best playback {best.overall_relative_rms_error:.3g}: "
         "continue with it, or look at the specimen.",
+    )
+
+
+@dataclass(frozen=True)
+class ControlledPart:
+    """Part of the responses that a campaign controls, and that another drive can change on purpose.
+
+    `channels`: Names of the controlled responses. `band`: Lowest and highest frequency of the control band in Hz.
+    """
+
+    channels: frozenset[str]
+    band: tuple[float, float]
+
+    def reason_against(self, alarms: Sequence[Alarm]) -> str:
+        """Return why no drive corrects any alarm of a repeat, without a full stop; empty if a drive may correct one."""
+        shifted = {alarm.channel for alarm in alarms if alarm.measure in _STATIC}
+        reasons = [self._reason(alarm, is_shifted=alarm.channel in shifted) for alarm in alarms]
+        return "; ".join(dict.fromkeys(reasons)) if all(reasons) else ""
+
+    def _reason(self, alarm: Alarm, *, is_shifted: bool) -> str:
+        low, high = self.band
+        if alarm.channel not in self.channels:
+            return f"{alarm.channel} is not controlled, its weight is 0"
+        if alarm.measure in _STATIC or (is_shifted and alarm.measure in _WITH_MEAN):
+            band = f"the control band of {low:g} to {high:g} Hz"
+            return "" if low == 0.0 else f"the static part of {alarm.channel} is outside {band}"
+        if alarm.band is not None and (alarm.band[1] <= low or alarm.band[0] >= high):
+            where = f"{alarm.channel} at {alarm.band[0]:g} to {alarm.band[1]:g} Hz"
+            return f"{where} is outside the control band of {low:g} to {high:g} Hz"
+        return ""
+
+
+def controlled_part(bus: Bus, campaign: str) -> ControlledPart:
+    """Return what a recorded campaign controls; raises FaultError if its recording cannot be read."""
+    for message, _ in _steps(bus, campaign):
+        if isinstance(message, iterator_pb2.CampaignSpec):
+            names = [channel.name for channel in message.target.channels]
+            weights = np.ones(len(names))
+            if message.update.HasField("weights"):
+                weights = from_array(message.update.weights, field="weights", shape=weights.shape, dtype=np.float64)
+            controlled = frozenset(name for name, weight in zip(names, weights, strict=True) if weight > 0.0)
+            return ControlledPart(controlled, (message.lowest_frequency, message.highest_frequency))
+    raise FaultError(
+        query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The recording {campaign!r} holds no specification of a campaign."
     )
 
 
