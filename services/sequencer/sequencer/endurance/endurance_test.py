@@ -30,6 +30,7 @@ from sequencer.tally import EventTally, planned_damage, total_damage
 _DAMAGE: Final = list(Statistic).index(Statistic.DAMAGE)
 _PACE_SHARE: Final = 0.05
 _PAUSED: Final = "paused"
+_BETWEEN: Final = "preparing the next repeat"
 
 
 @dataclass
@@ -216,18 +217,15 @@ class EnduranceTest:
             self._require_running()
             if next_repeat - self._first_repeat >= self._repeats_per_volume:
                 self._begin_volume(next_repeat)
-            begun = time.monotonic()
             if self._repeat(next_repeat):
                 next_repeat, self._attempt = next_repeat + 1, 1
-                self._pace(time.monotonic() - begun)
-                self._show_progress(next_repeat)
 
     def _begin(self) -> None:
         """Store the steps of the recording before the next repeat."""
         before = self._before
         self._require_running()
         self._step = "storing what the test is"
-        self._board.change(self._show_begun)
+        self._board.change(self._show_step)
         owed = self._kept.restore(next_repeat=before.next_repeat, stored=before.samples)
         if before.volume_ended:
             self._begin_volume(before.next_repeat, ended=True)
@@ -242,7 +240,7 @@ class EnduranceTest:
             )
             before.announced = ""
         self._commit_held(owed, "around an alarm before the sequencer ended")
-        self._show_progress(before.next_repeat)
+        self._board.change(self._show_counts)
 
     def _begin_volume(self, repeat: int, *, ended: bool = False) -> None:
         """Continue in the next recording."""
@@ -281,7 +279,10 @@ class EnduranceTest:
             return False
         kept = self._kept.keeps(repeat, tally.played)
         run = run_name(self.id, repeat, attempt=self._attempt)
-        self._step = f"playing repeat {repeat + 1} of {len(self._plan.sequence)}, {name}, on {self.rig}"
+        total = len(self._plan.sequence)
+        self._step = f"playing repeat {repeat} ({repeat + 1} of {total}), {name}, on {self.rig}"
+        self._board.change(self._show_step)
+        begun = time.monotonic()
         self._log.commit(
             recorder_pb2.RunPlanned(run=run, rig=self.rig, purpose=f"repeat {repeat} of {name}", not_kept=not kept)
         )
@@ -297,13 +298,20 @@ class EnduranceTest:
             self._break_off(repeat, run, fault)
             return True
         self._moving_run = ""
-        self._commit_played(repeat, event, played, response, kept=kept)
+        self._commit_played(repeat, event, played, response, kept=kept, begun=begun)
         return True
 
     def _commit_played(
-        self, repeat: int, event: int, played: rig_pb2.PlayResult, response: NDArray[np.float64], *, kept: bool
+        self,
+        repeat: int,
+        event: int,
+        played: rig_pb2.PlayResult,
+        response: NDArray[np.float64],
+        *,
+        kept: bool,
+        begun: float,
     ) -> None:
-        """Judge a repeat, commit it, and perform the actions of its alarms."""
+        """Judge a repeat, commit it, and perform the actions of its alarms; `begun`: Monotonic time of its start."""
         tally, name = self._tallies[event], self._plan.names[event]
         verdict = self._monitor.judge(repeat, name, response=response)
         damage = verdict.statistics.table[:, _DAMAGE]
@@ -331,7 +339,9 @@ class EnduranceTest:
             self._log.commit(step)
         else:
             self._commit_kept(step, held, played)
-        self._board.show_repeat(step, kept=kept)
+        self._pace(time.monotonic() - begun)
+        self._board.show_repeat(step, kept=kept, counts=self._show_counts)
+        self._step = _BETWEEN
         if step.alarms:
             self._after_alarms(step, verdict)
 
@@ -452,6 +462,7 @@ class EnduranceTest:
                 damage=None if damage is None else to_array(damage),
             )
         )
+        self._board.change(self._show_counts)
         self._board.add_remark(reason)
 
     def _wait(self, reason: str, *, alarms: Sequence[sequencer_pb2.EnduranceAlarm] = ()) -> None:
@@ -537,14 +548,14 @@ class EnduranceTest:
         self._before.drives.append(message)
         self._drives[event], self._tallies[event].drive = drive, number
         self._monitor.relearn(name)
+        self._board.change(self._show_counts)
         self._board.add_remark(f"{name} has drive {number} of campaign {campaign}.")
 
-    def _show_repeat_progress(self, status: sequencer_pb2.EnduranceStatus, next_repeat: int) -> None:
-        status.phase = sequencer_pb2.ENDURANCE_PHASE_PLAYING
-        status.activity = self._step
-        status.played = next_repeat
+    def _show_counts(self, status: sequencer_pb2.EnduranceStatus) -> None:
+        """Show what is counted; called as soon as it is stored, so that status and recording agree."""
+        status.played = sum(tally.played for tally in self._tallies)
         status.unknown = sum(tally.unknown for tally in self._tallies)
-        left = len(self._plan.sequence) - next_repeat
+        left = len(self._plan.sequence) - status.played
         status.remaining_seconds = left * self._repeat_seconds if self._repeat_seconds else -1.0
         del status.events[:]
         status.events.extend(progress_of_events(self._plan.names, self._tallies))
@@ -556,9 +567,6 @@ class EnduranceTest:
                 getattr(status, name).CopyFrom(to_array(planned))
         status.recordings, status.recording = self._log.volume, self._log.recording
 
-    def _show_progress(self, next_repeat: int) -> None:
-        self._board.change(lambda status: self._show_repeat_progress(status, next_repeat))
-
     def _pace(self, seconds: float) -> None:
         share = _PACE_SHARE if self._repeat_seconds else 1.0
         self._repeat_seconds += share * (seconds - self._repeat_seconds)
@@ -567,7 +575,7 @@ class EnduranceTest:
         if self._stop.is_set():
             raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
 
-    def _show_begun(self, status: sequencer_pb2.EnduranceStatus) -> None:
+    def _show_step(self, status: sequencer_pb2.EnduranceStatus) -> None:
         status.phase, status.activity = sequencer_pb2.ENDURANCE_PHASE_PLAYING, self._step
 
     def _show_hold(self, hold: sequencer_pb2.EnduranceHold | None) -> None:
@@ -581,8 +589,10 @@ class EnduranceTest:
                 status.phase, status.activity = sequencer_pb2.ENDURANCE_PHASE_HOLDING, f"waiting: {hold.reason}"
                 status.hold.CopyFrom(hold)
 
-        self._step = "going on" if hold is None else f"waiting before repeat {hold.next_repeat + 1}"
+        self._step = "going on"
         if hold is not None:
+            is_last = hold.next_repeat >= len(self._plan.sequence)
+            self._step = "waiting after the last repeat" if is_last else f"waiting before repeat {hold.next_repeat}"
             self._journal.info("The endurance test waits.", hold=hold.number, why=hold.reason)
         self._board.change(change)
 

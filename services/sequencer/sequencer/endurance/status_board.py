@@ -50,10 +50,20 @@ class EnduranceBoard(StatusBoard[sequencer_pb2.EnduranceStatus]):
 
         self.change(change)
 
-    def show_repeat(self, step: sequencer_pb2.EnduranceRepeat, *, kept: bool) -> None:
-        """Show a stored repeat, and whether its samples are kept; count its alarms and keep the last ones."""
+    def show_repeat(
+        self,
+        step: sequencer_pb2.EnduranceRepeat,
+        *,
+        kept: bool,
+        counts: Callable[[sequencer_pb2.EnduranceStatus], None],
+    ) -> None:
+        """Show a stored repeat, and whether its samples are kept; count its alarms and keep the last ones.
+
+        `counts`: Changes the numbers of repeats and the damage, at the same moment.
+        """
 
         def change(status: sequencer_pb2.EnduranceStatus) -> None:
+            counts(status)
             status.last_repeat, status.last_event, status.kept = step.repeat, step.event, status.kept + kept
             status.last_statistics.CopyFrom(step.statistics)
             status.alarms += len(step.alarms)
