@@ -119,7 +119,7 @@ def plan_endurance(spec: sequencer_pb2.EnduranceSpec, description: rig_pb2.RigDe
             field="events",
         )
     drives = tuple(
-        checked_drive(event, description, field=f"events[{number}].drive") for number, event in enumerate(spec.events)
+        _checked_drive(event, description, field=f"events[{number}].drive") for number, event in enumerate(spec.events)
     )
     plan = EndurancePlan(
         spec=spec,
@@ -150,13 +150,15 @@ def _schedule(spec: sequencer_pb2.EnduranceSpec) -> Schedule:
     return schedule
 
 
-def checked_drive(
-    event: sequencer_pb2.ScheduledEvent | sequencer_pb2.EnduranceDrive,
-    description: rig_pb2.RigDescription,
-    *,
-    field: str,
+def _checked_drive(
+    event: sequencer_pb2.ScheduledEvent, description: rig_pb2.RigDescription, *, field: str
 ) -> NDArray[np.float64]:
-    """Return a drive with the channels, the rate and the limits of the rig."""
+    """Return the drive of an event, which has the channels and the rate of the rig and is within its limits.
+
+    The rule is that of the rig, which checks each drive once more. The step from rest to the first sample is left to
+    it: only the rig knows whether it ramps there.
+    """
+    named = f"The drive of event {event.name!r}"
     try:
         channels, rate, drive = from_record(event.drive, field=field)
     except ArrayError as error:
@@ -164,22 +166,31 @@ def checked_drive(
     wanted = [(channel.name, channel.unit) for channel in description.drives]
     if [(channel.name, channel.unit) for channel in channels] != wanted or rate != description.sample_rate:
         raise invalid(
-            f"The drive of {field} has {', '.join(f'{each.name} [{each.unit}]' for each in channels)} at {rate:g} Hz; "
+            f"{named} has {', '.join(f'{each.name} [{each.unit}]' for each in channels)} at {rate:g} Hz; "
             f"the rig plays {', '.join(f'{name} [{unit}]' for name, unit in wanted)} at "
-            f"{description.sample_rate:g} Hz.",
+            f"{description.sample_rate:g} Hz: give a drive of this rig.",
             field=field,
         )
     seconds = drive.shape[1] / rate
     if not 0.0 < seconds <= description.longest_drive_seconds:
         raise invalid(
-            f"The drive of {field} lasts {seconds:g} s; the rig plays up to {description.longest_drive_seconds:g} s.",
+            f"{named} lasts {seconds:g} s; the rig plays more than 0 and up to "
+            f"{description.longest_drive_seconds:g} s: give another one.",
             field=field,
         )
     for channel, row in zip(description.drives, drive, strict=True):
         if row.min() < channel.minimum or row.max() > channel.maximum:
             raise invalid(
-                f"The drive of {field} goes from {row.min():g} to {row.max():g} {channel.unit} in {channel.name}; the "
-                f"rig allows {channel.minimum:g} to {channel.maximum:g}.",
+                f"{named} goes from {row.min():g} to {row.max():g} {channel.unit} in "
+                f"{channel.name}; the rig allows {channel.minimum:g} to {channel.maximum:g}: make a smaller one.",
+                field=field,
+            )
+        slew = np.abs(np.diff(row)) * rate
+        if channel.slew_limit > 0.0 and slew.size and slew.max() > channel.slew_limit:
+            fastest = int(np.argmax(slew)) + 1
+            raise invalid(
+                f"{named} moves at {slew.max():.3g} {channel.unit}/s in {channel.name} at "
+                f"{fastest / rate:.3f} s; the rig allows {channel.slew_limit:g}: make a slower one.",
                 field=field,
             )
     return drive
