@@ -117,6 +117,7 @@ class Commands:
         plan = self.campaign(values.kind, values.name)
         folder = Path() if values.kind == "shipped" else self.folder
         plan = plan.read_from(folder=folder, text=f"# Begun at the operator page by {who}.\n{plan.text}")
+        _require_shown(values.rigs, plan.rigs)
         for rig in plan.rigs:
             self._require_known(rig)
             self._holders.require(rig, who)
@@ -209,6 +210,7 @@ class Commands:
     def begin_endurance(self, values: BeginEndurance, who: str) -> dict[str, Any]:
         """Begin an endurance test of a schedule file; it continues without the page."""
         schedule = load_schedule(self.folder / f"{values.name}.yaml")
+        _require_shown(values.rigs, (schedule.rig,))
         self._require_known(schedule.rig)
         self._holders.require(schedule.rig, who)
 
@@ -250,4 +252,13 @@ class Commands:
         self._holders.require(test.rig, who)
         progress = test.resume()
         self._did(who, f"Resume of the endurance test {id} on {test.rig}.")
-        return {"activity": progress.activity}
+        return {"rig": test.rig, "activity": progress.activity}
+
+
+def _require_shown(shown: Sequence[str] | None, rigs: Sequence[str]) -> None:
+    """Require that a file needs the rigs that the page showed, if the page showed any."""
+    if shown is not None and list(shown) != list(rigs):
+        raise InputError(
+            f"The file was changed: it needs {' and '.join(rigs)}, not {' and '.join(shown)}; choose it again.",
+            field="rigs",
+        )

@@ -41,11 +41,16 @@ class PageFiles:
         self.folder, self._largest_bytes = folder, largest_bytes
 
     def listed(self) -> dict[str, Any]:
-        """Return the names of all campaigns."""
-        files = sorted(self.folder.glob("*.yaml"))
+        """Return the names of all campaigns; `rigs`: Rigs of each readable campaign by `kind:name`, its own first."""
+        files, shipped = sorted(self.folder.glob("*.yaml")), shipped_campaigns()
         schedules = [path.stem for path in files if _is_schedule(path)]
         campaigns = [path.stem for path in files if path.stem not in schedules]
-        return {"shipped": shipped_campaigns(), "files": campaigns, "schedules": schedules}
+        rigs: dict[str, list[str]] = {}
+        for kind, names in (("file", campaigns), ("shipped", shipped)):
+            for name in names:
+                with suppress(InputError, OSError, UnicodeDecodeError):
+                    rigs[f"{kind}:{name}"] = list(self._campaign(kind, name).rigs)
+        return {"shipped": shipped, "files": campaigns, "schedules": schedules, "rigs": rigs}
 
     def path(self, name: str) -> Path:
         """Return the path of the campaign of a name; the name is checked, and holds no separator."""
@@ -53,6 +58,9 @@ class PageFiles:
 
     def document(self, kind: str, name: str) -> dict[str, Any]:
         """Return a campaign file as a document to edit."""
+        return self._as_document(self._campaign(kind, name))
+
+    def _campaign(self, kind: str, name: str) -> Campaign:
         if kind == "shipped":
             text = shipped_text(name)
         else:
@@ -60,7 +68,7 @@ class PageFiles:
             if not path.is_file():
                 raise InputError(f"There is no campaign file {name!r} on this page.", field="name")
             text = path.read_text(encoding="utf-8")
-        return self._as_document(parse_campaign(text, name=name, folder=self.folder))
+        return parse_campaign(text, name=name, folder=self.folder)
 
     def template(self, rig: Rig) -> dict[str, Any]:
         """Return a new campaign for a rig, with an experiment for the rig's drives."""

@@ -55,10 +55,11 @@ class Reset(Values):
 
 
 class Begin(Values):
-    """Campaign to begin: a shipped one, or a file of the page's folder."""
+    """Campaign to begin: a shipped one, or a file of the page's folder; `rigs`: Rigs shown to the person."""
 
     kind: Literal["shipped", "file"]
     name: Annotated[str, StringConstraints(pattern=CAMPAIGN_NAME)]
+    rigs: list[str] | None = None
 
 
 class Decide(Values):
@@ -93,9 +94,10 @@ class CampaignDocument(Values):
 
 
 class BeginEndurance(Values):
-    """Endurance test to begin: a schedule file of the page's folder."""
+    """Endurance test to begin: a schedule file of the page's folder; `rigs`: Rigs shown to the person."""
 
     name: Annotated[str, StringConstraints(pattern=CAMPAIGN_NAME)]
+    rigs: list[str] | None = None
     seed: int = Field(default=0, ge=0, lt=2**63)
     real_time: bool = False
 

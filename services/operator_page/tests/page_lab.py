@@ -238,10 +238,10 @@ class CrackingRig(LinearRig):
 
 
 class PageLab:
-    """The lab, and pages of it that are ended with it."""
+    """The lab, and pages of it that are ended with it; `others`: Rigs beside the one that can crack."""
 
-    def __init__(self, folder: Path) -> None:
-        self.folder = folder
+    def __init__(self, folder: Path, *others: LinearRig) -> None:
+        self.folder, self._others = folder, others
         self.rig = CrackingRig(RIG, plant=PLANT, noise_rms=1.0)
         self._stack = ExitStack()
 
@@ -266,7 +266,7 @@ class PageLab:
 
     def __enter__(self):
         os.environ.setdefault("OMP_NUM_THREADS", "1")
-        self.lab = self._stack.enter_context(lab(self.rig, out=self.folder / "lab", endurance=True))
+        self.lab = self._stack.enter_context(lab(self.rig, *self._others, out=self.folder / "lab", endurance=True))
         return self
 
     def __exit__(self, *_):

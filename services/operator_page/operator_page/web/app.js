@@ -1,12 +1,14 @@
 // The frame around every screen: where one is, who one is, whether the stream lives, and the stop.
 "use strict";
-import { changed, html, isOperator, refresh, say, signIn, signInByCertificate, signOut, state, stop, useEffect, useLab, useState } from "/web/lab.js";
+import { changed, chooseRig, html, isOperator, refresh, say, signIn, signInByCertificate, signOut, state, stop, useEffect, useLab, useState } from "/web/lab.js";
 import { LabScreen, RigScreen, RunScreen } from "/web/screens.js";
 import { EnduranceScreen } from "/web/endurance.js";
 import { NewTestScreen } from "/web/new_test.js";
 import { RecordingsScreen } from "/web/recordings.js";
 
 const SCREENS = [["lab", "Lab", LabScreen], ["rig", "Rig", RigScreen], ["run", "Run", RunScreen], ["endurance", "Endurance", EnduranceScreen], ["new", "New test", NewTestScreen], ["recordings", "Recordings", RecordingsScreen]];
+
+const isAbsent = () => state.rig && !state.lab.rigs.some((rig) => rig.name === state.rig);
 
 function here() {
   return SCREENS.find(([key]) => `#${key}` === location.hash) || SCREENS[0];
@@ -72,7 +74,7 @@ function Page() {
   document.title = `${title} ${state.rig} – Duralab`;
   return html`<a class="skip" href="#content" onClick=${(event) => { event.preventDefault(); document.getElementById("content").focus(); }}>To the content</a>
     <header><div class="where"><nav aria-label="Screens">${SCREENS.map(([key, name], i) => html`<a href=${`#${key}`} aria-current=${key === current ? "page" : undefined} title=${`key ${i + 1}`}>${name}</a>`)}</nav>
-      ${state.lab && html`<label class="rig-choice">Rig <select value=${state.rig} onChange=${(event) => { state.rig = event.target.value; changed(); }}>${state.lab.rigs.map((rig) => html`<option value=${rig.name}>${rig.name}</option>`)}</select></label>`}
+      ${state.lab && html`<label class="rig-choice">Rig <select value=${state.rig} onChange=${(event) => chooseRig(event.target.value)}>${isAbsent() && html`<option value=${state.rig}>${state.rig} (not in the lab)</option>`}${state.lab.rigs.map((rig) => html`<option value=${rig.name}>${rig.name}</option>`)}</select></label>`}
       <p class="status" data-when=${state.lab && state.lab.now}><span class=${state.live ? "live" : "lost"}>${state.live ? "● live" : "✕ no contact"}</span> ${state.session.name} (${state.session.role})
         ${state.session.accounts && html` <button type="button" onClick=${signOut}>Sign out</button>`}
         <button type="button" id="theme" onClick=${() => setTheme(dark() ? "light" : "dark")}>${dark() ? "Light" : "Dark"}</button></p></div>

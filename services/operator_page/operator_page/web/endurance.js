@@ -54,7 +54,7 @@ const CHOICES = [["continue", "Continue"], ["iterate_again", "Iterate again, the
 function Waiting({ test }) {
   const [kind, setKind] = useState("continue");
   const [reason, setReason] = useState("");
-  const label = CHOICES.find(([one]) => one === kind)[1].split(/[,;]/)[0];
+  const label = `${CHOICES.find(([one]) => one === kind)[1].split(/[,;]/)[0]}: ${test.id} on ${test.rig}`;
   return html`<section class="hold" aria-label="Hold"><h2>Hold ${test.hold}: ${test.hold_alarms ? "because of an alarm" : "a person or a fault made it wait"}</h2>
     <p>${test.reason}</p>
     ${isOperator() && html`<form onSubmit=${(event) => event.preventDefault()}>
@@ -69,8 +69,8 @@ function Acting({ test }) {
   const values = { reason: reason.trim() };
   const ready = reason.trim() !== "";
   return html`<form class="row acting" onSubmit=${(event) => event.preventDefault()}><label>Reason of a hold or stop <input class="reason-field" name="hold-reason" value=${reason} maxlength="500" onInput=${(event) => setReason(event.target.value)} /></label>
-    <${Deliberate} label="Hold after this repeat" action=${`/api/endurance/${test.id}/hold`} values=${values} ready=${ready} done=${() => setReason("")} />
-    <${Deliberate} label="Stop the test" action=${`/api/endurance/${test.id}/stop`} values=${values} ready=${ready} done=${() => setReason("")} /></form>`;
+    <${Deliberate} label=${`Hold ${test.id} after this repeat`} action=${`/api/endurance/${test.id}/hold`} values=${values} ready=${ready} done=${() => setReason("")} />
+    <${Deliberate} label=${`Stop the test ${test.id} on ${test.rig}`} action=${`/api/endurance/${test.id}/stop`} values=${values} ready=${ready} done=${() => setReason("")} /></form>`;
 }
 
 function Schedule({ test, known }) {

@@ -10,7 +10,7 @@ const MOST_LINES = 500;
 
 export const state = {
   session: null, lab: null, log: [], signals: {}, targets: {}, described: {},
-  live: false, reload: false, rig: "", said: null, theme: localStorage.getItem("theme") || "",
+  live: false, reload: false, rig: sessionStorage.getItem("rig") || "", said: null, theme: localStorage.getItem("theme") || "",
 };
 const listeners = new Set();
 let scheduled = false;
@@ -19,6 +19,13 @@ export function changed() {
   if (scheduled) return;
   scheduled = true;
   setTimeout(() => { scheduled = false; listeners.forEach((listen) => listen()); }, 40);
+}
+
+// The rig that STOP means: only a person, or what a person begins, changes it; a reload keeps it.
+export function chooseRig(rig) {
+  state.rig = rig;
+  sessionStorage.setItem("rig", rig);
+  changed();
 }
 
 export function useLab() {
@@ -116,7 +123,7 @@ function listen() {
     state.log = [...state.log, ...document.log].slice(-MOST_LINES);
     state.lab = document;
     const names = document.rigs.map((rig) => rig.name);
-    if (!names.includes(state.rig)) state.rig = busiest(document) || names[0] || "";
+    if (!state.rig && names.length) chooseRig(busiest(document) || names[0]);
     heard = seconds();
     setLive(true);
     changed();

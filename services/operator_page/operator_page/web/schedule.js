@@ -1,6 +1,6 @@
 // An endurance test begun: from a schedule file, or from drives of recordings; with a forecast before anything moves.
 "use strict";
-import { attempt, get, html, isOperator, mayMove, post, say, state, useEffect, useState } from "/web/lab.js";
+import { attempt, chooseRig, get, html, isOperator, mayMove, post, say, state, useEffect, useState } from "/web/lab.js";
 import { Deliberate, Table, figure, span } from "/web/parts.js";
 
 export function BeginEndurance({ broken }) {
@@ -24,11 +24,11 @@ export function BeginEndurance({ broken }) {
   return html`<section class="card" aria-label="Begin an endurance test"><h2>Begin an endurance test</h2>
     <div class="row"><label>Schedule <select name="schedule" value=${name} onChange=${(event) => choose(event.target.value)}><option value="">choose …</option>${known.schedules.map((one) => html`<option value=${one}>${one}</option>`)}</select></label>
       <label>Pace of a simulated rig <select name="pace" value=${pace} onChange=${(event) => setPace(event.target.value)}><option value="fast">as fast as it can</option><option value="real">real time</option></select></label>
-      <${Deliberate} label="Begin the test" action="/api/endurance" values=${{ name, real_time: pace === "real" }} ready=${forecast !== null} /> <span role="status">${busy}</span></div>
+      <${Deliberate} label=${forecast ? `Begin ${name} on ${forecast.rig}` : "Begin the test"} action="/api/endurance" values=${{ name, real_time: pace === "real", ...(forecast && { rigs: [forecast.rig] }) }} ready=${forecast !== null} done=${(answer) => chooseRig(answer.rig)} /> <span role="status">${busy}</span></div>
     ${forecast && html`<${Forecast} forecast=${forecast} />`}
     <${MakeSchedule} known=${known} saved=${async (made) => { await read(); choose(made); }} />
     ${known.open.length > 0 && html`<details class="broken" open=${broken}><summary>Continue a test that was broken off</summary><p>Its sequencer ended before the test did. It continues at its next repeat; nothing is played twice.</p>
-      ${known.open.map((id) => html`<p class="row" key=${id}><strong>${id}</strong> <${Deliberate} label="Continue" action=${`/api/endurance/${id}/resume`} values=${{}} /></p>`)}</details>`}
+      ${known.open.map((id) => html`<p class="row" key=${id}><strong>${id}</strong> <${Deliberate} label=${`Continue ${id}`} action=${`/api/endurance/${id}/resume`} values=${{}} done=${(answer) => chooseRig(answer.rig)} /></p>`)}</details>`}
   </section>`;
 }
 

@@ -1,9 +1,9 @@
 // Screens that watch: the lab, a rig, a run.
 "use strict";
-import { changed, described, get, html, isOperator, mayMove, attempt, post, state, targetOf, useEffect, useState } from "/web/lab.js";
+import { chooseRig, described, get, html, isOperator, mayMove, attempt, post, state, targetOf, useEffect, useState } from "/web/lab.js";
 import { Deliberate, Legend, Mode, Plot, Table, clock, curve, figure, share, span } from "/web/parts.js";
 
-const choose = (rig, screen) => () => { state.rig = rig; location.hash = screen; changed(); };
+const choose = (rig, screen) => () => { chooseRig(rig); location.hash = screen; };
 
 export function LabScreen() {
   const { lab } = state;
@@ -45,7 +45,7 @@ const limits = (channel) => (channel.minimum === null || channel.maximum === nul
 export function RigScreen() {
   const rig = state.lab.rigs.find((one) => one.name === state.rig);
   const [reason, setReason] = useState("");
-  if (!rig) return html`<h1>Rig</h1><p class="notice">There is no rig in this lab.</p>`;
+  if (!rig) return html`<h1>Rig</h1><p class="notice">${state.rig ? `The rig ${state.rig} is not in this lab.` : "There is no rig in this lab."}</p>`;
   const about = described(rig.name);
   const mine = rig.holder && rig.holder.name === state.session.name;
   const sensed = about && about.responses.some((one) => one.sensor);
@@ -59,13 +59,13 @@ export function RigScreen() {
       <article class="card"><h2>Held by</h2><p>${rig.holder ? html`${rig.holder.name}${mine ? " (you)" : ""} since ${clock(rig.holder.since)}.` : "None: the first who commands it holds it."}</p>
         ${isOperator() && (mine
           ? html`<button type="button" disabled=${!mayMove()} onClick=${() => attempt(() => post(`/api/rigs/${rig.name}/release`))}>Release</button>`
-          : html`<${Deliberate} label="Take over" action=${`/api/rigs/${rig.name}/take`} values=${{}} />`)}</article>
+          : html`<${Deliberate} label=${`Take over ${rig.name}`} action=${`/api/rigs/${rig.name}/take`} values=${{}} />`)}</article>
       ${isOperator() && html`<article class="card"><h2>Reset</h2>
         <p>Look at the rig first. A reset lets it move again; any operator may reset what anybody stopped.</p>
         <div class="row"><label class="wide">Reason <input name="reset-reason" value=${reason} maxlength="300" onInput=${(event) => setReason(event.target.value)} /></label>
-        <${Deliberate} label="Reset" action=${`/api/rigs/${rig.name}/reset`} values=${{ reason: reason.trim() }} ready=${rig.mode === "interlocked" && reason.trim() !== ""} done=${() => setReason("")} /></div></article>`}
+        <${Deliberate} label=${`Reset ${rig.name}`} action=${`/api/rigs/${rig.name}/reset`} values=${{ reason: reason.trim() }} ready=${rig.mode === "interlocked" && reason.trim() !== ""} done=${() => setReason("")} /></div></article>`}
       ${isOperator() && html`<article class="card"><h2>Pre-test</h2><p>Small pulses on each drive, within 5 % of its limits, find dead, swapped and inverted channels. The event log says what is found.</p>
-        <${Deliberate} label="Pre-test" action=${`/api/rigs/${rig.name}/pre_test`} values=${{}} ready=${rig.mode === "idle"} /></article>`}
+        <${Deliberate} label=${`Pre-test ${rig.name}`} action=${`/api/rigs/${rig.name}/pre_test`} values=${{}} ready=${rig.mode === "idle"} /></article>`}
     </div>
     ${about && html`
       <p>${about.specimen}. ${about.engine} ${about.version}, ${figure(about.sample_rate)} Hz, drives up to ${span(about.longest_drive_seconds)}.
@@ -89,11 +89,11 @@ export function RunScreen() {
     ${campaign && html`
       <p class="activity">${campaign.activity}${campaign.ended ? "" : html` — ${share(campaign.fraction)}${campaign.remaining === null ? "" : `, ${span(campaign.remaining)} left`}`}</p>
       <progress max="1" value=${campaign.fraction} aria-label="Share of the campaign that is done"></progress>
-      ${campaign.ended && isOperator() && html`<p class="row resume">Continue from its last playback, as a new campaign: <${Deliberate} label="Resume" action=${`/api/campaigns/${campaign.id}/resume`} values=${{ from_iteration: 0 }} />
+      ${campaign.ended && isOperator() && html`<p class="row resume">Continue from its last playback, as a new campaign: <${Deliberate} label=${`Resume ${campaign.id} on ${campaign.rig}`} action=${`/api/campaigns/${campaign.id}/resume`} values=${{ from_iteration: 0 }} />
         <a href="#recordings">Report and recording</a></p>`}
       ${campaign.hold && html`<${Hold} campaign=${campaign} key=${`${campaign.id}-${campaign.hold.number}`} />`}
       ${campaign.table && html`<${Iterations} table=${campaign.table} />`}`}
-    ${(!campaign || campaign.ended) && !(rig && rig.waiting) && html`<${Begin} />`}
+    ${(!campaign || campaign.ended) && !(rig && rig.waiting) && html`<${Begin} key=${state.rig} />`}
     <${Curves} campaign=${campaign} />
     <${Log} lines=${15} />`;
 }
@@ -105,12 +105,16 @@ function Begin() {
   if (!isOperator()) return html`<p>No campaign runs on this rig.</p>`;
   if (!known) return html`<p>Reading the campaigns …</p>`;
   const [kind, name] = chosen.split(":");
+  const rigs = known.rigs[chosen] || [];
+  const options = (of, names) => names.map((one) => [one, `${of}:${one}`]).filter(([, key]) => !known.rigs[key] || known.rigs[key][0] === state.rig)
+    .map(([one, key]) => html`<option value=${key} disabled=${!known.rigs[key]}>${one}${known.rigs[key] ? "" : " (cannot be read; see New test)"}</option>`);
   return html`<section class="card" aria-label="Begin a campaign"><h2>Begin a campaign</h2>
     <div class="row"><label>Campaign <select name="campaign" value=${chosen} onChange=${(event) => setChosen(event.target.value)}>
       <option value="">choose …</option>
-      ${known.files.length > 0 && html`<optgroup label="Files of this page">${known.files.map((one) => html`<option value=${`file:${one}`}>${one}</option>`)}</optgroup>`}
-      <optgroup label="Shipped">${known.shipped.map((one) => html`<option value=${`shipped:${one}`}>${one}</option>`)}</optgroup></select></label>
-    <${Deliberate} label="Begin" action="/api/campaigns" values=${{ kind, name }} ready=${chosen !== ""} /></div></section>`;
+      <optgroup label="Files of this page">${options("file", known.files)}</optgroup>
+      <optgroup label="Shipped">${options("shipped", known.shipped)}</optgroup></select></label>
+    <${Deliberate} label=${chosen ? `Begin ${name} on ${rigs.join(" and ")}` : "Begin"} action="/api/campaigns" values=${{ kind, name, rigs }} ready=${rigs.length > 0} done=${(answer) => chooseRig(answer.rig)} /></div>
+    <p>These are the campaigns of ${state.rig}. For another one, choose its rig at the top.</p></section>`;
 }
 
 function Iterations({ table }) {
@@ -162,7 +166,7 @@ function Hold({ campaign }) {
   const settings = { ...(gain && { update: { iteration_gain: Number(gain) } }), ...((low || high) && { control_band: band }) };
   const values = { kind, proposal: hold.number, reason: reason.trim(), ...(kind === "change" && { settings }), ...(kind === "back" && { from_iteration: Number(from) }) };
   const ready = reason.trim() !== "" && !(kind === "play" && hold.refusal) && !(kind === "change" && Object.keys(settings).length === 0);
-  const label = KINDS.find(([one]) => one === kind)[1];
+  const label = kind === "play" ? `Play this drive on ${campaign.rig}` : KINDS.find(([one]) => one === kind)[1];
   return html`<section class="hold" aria-label="Hold point"><h2>Decide: the drive of playback ${hold.playback}, ${hold.follows ? `made from playback ${hold.follows}` : "the first"}</h2>
     <p>${hold.reason}. Predicted error over all controlled responses: <strong>${figure(hold.overall)}</strong>, at ${share(hold.level)} of the target.</p>
     ${hold.refusal && html`<p class="notice">No drive could be made with the settings in use: ${hold.refusal}</p>`}

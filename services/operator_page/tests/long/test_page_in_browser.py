@@ -230,12 +230,13 @@ def test_the_keyboard_alone_begins_holds_goes_on_with_and_stops_an_endurance_tes
 
 def test_one_act_moves_nothing_and_an_armed_one_is_disarmed_by_itself(lab, served, browser):
     lab.put_campaign(served, campaign("armed"))
+    lab.put_campaign(served, campaign("another"))
     page = Page(browser, served.address)
     page.go("run")
     page.choose("select[name=campaign]", "file:armed")
     page.click(".arm")
     page.wait("document.querySelector('.go')")
-    page.choose("select[name=campaign]", "shipped:front_axle_demo")
+    page.choose("select[name=campaign]", "file:another")
     page.wait("!document.querySelector('.go')")
     page.choose("select[name=campaign]", "file:armed")
     page.click(".arm")
