@@ -43,7 +43,10 @@ def campaign_document(id: str, progress: RunProgress, *, rig: str, ended: bool, 
         "age": age,
         "activity": progress.activity,
         "fraction": number(progress.fraction),
-        "remaining": number(progress.remaining_seconds) if progress.remaining_seconds >= 0 else None,
+        # None while it waits for a person.
+        "remaining": number(progress.remaining_seconds)
+        if progress.remaining_seconds >= 0 and progress.hold is None
+        else None,
         "table": None if progress.iterations is None else _table(progress.iterations),
         "hold": None if progress.hold is None else proposal_document(progress.hold),
     }

@@ -78,10 +78,10 @@ function Page() {
       <p class="status" data-when=${state.lab && state.lab.now}><span class=${state.live ? "live" : "lost"}>${state.live ? "● live" : "✕ no contact"}</span> ${state.session.name} (${state.session.role})
         ${state.session.accounts && html` <button type="button" onClick=${signOut}>Sign out</button>`}
         <button type="button" id="theme" onClick=${() => setTheme(dark() ? "light" : "dark")}>${dark() ? "Light" : "Dark"}</button></p></div>
-      <${StopButton} /></header>
+      <${StopButton} />
+      <p class="said ${state.said && state.said.trouble ? "bad" : ""}" role="status" aria-live="polite">${state.said ? state.said.text : ""}
+        ${state.said && html` <button type="button" class="close" aria-label="Close the message" onClick=${() => { state.said = null; changed(); }}>✕</button>`}</p></header>
     <${Banner} />
-    <p class="said ${state.said && state.said.trouble ? "bad" : ""}" role="status" aria-live="polite">${state.said ? state.said.text : ""}
-      ${state.said && html` <button type="button" class="close" aria-label="Close the message" onClick=${() => { state.said = null; changed(); }}>✕</button>`}</p>
     <main id="content" tabindex="-1" class=${state.live ? "" : "old"}>${state.lab ? html`<${Screen} key=${current} />` : html`<p role="status">Joining the lab …</p>`}</main>`;
 }
 

@@ -10,6 +10,7 @@ export function figure(value, digits = 3) {
 
 export const sentence = (words) => `${words.slice(0, 1).toUpperCase()}${words.slice(1)}`;
 export const share = (value) => (value === null || value === undefined ? "–" : `${(100 * value).toFixed(0)} %`);
+export const percent = (value) => (value === null || value === undefined ? "–" : `${(100 * value).toFixed(1)} %`);
 export const clock = (when) => new Date(1000 * when).toLocaleTimeString([], { hour12: false });
 
 // A test runs for weeks: the date of what was not today.
@@ -65,6 +66,20 @@ export function Deliberate({ label, action, values, ready = true, done, kind = "
     ${armed && html`<button type="button" ref=${go} class="go ${kind}" disabled=${!mayMove()} onClick=${second}>${label} now (${left} s)</button>
     <button type="button" onClick=${() => setArmed(null)}>Disarm</button>`}
   </span>`;
+}
+
+// A number that a person typed: its value, or in `wrong` what was typed and what to write. Empty has no value.
+export function typedNumber(text, { least = 0, most = Number.MAX_VALUE, whole = false, required = false } = {}) {
+  const given = text.trim(), value = Number(given);
+  if (given === "" && !required) return { wrong: "" };
+  if ((whole ? /^\d+$/ : /^(\d+\.?\d*|\.\d+)$/).test(given) && value >= least && value <= most) return { value, wrong: "" };
+  const range = most === Number.MAX_VALUE ? `of at least ${least}` : `from ${least} to ${most}`;
+  return { wrong: `This is "${given}"; write a ${whole ? `whole number ${range}` : `number ${range}, with a point for the decimals`}.` };
+}
+
+export function NumberInput({ label, name, text, change, typed }) {
+  return html`<label>${label} <input name=${name} inputmode="decimal" value=${text} aria-invalid=${typed.wrong ? "true" : undefined} onInput=${(event) => change(event.target.value)} />
+    <small class="wrong" role="alert">${typed.wrong}</small></label>`;
 }
 
 export function Table({ caption, heads, rows, className = "" }) {

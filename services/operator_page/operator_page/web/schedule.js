@@ -1,7 +1,7 @@
 // An endurance test begun: from a schedule file, or from drives of recordings; with a forecast before anything moves.
 "use strict";
 import { attempt, chooseRig, get, html, isOperator, mayMove, post, say, state, useEffect, useState } from "/web/lab.js";
-import { Deliberate, Table, figure, span } from "/web/parts.js";
+import { Deliberate, Table, figure, span, typedNumber } from "/web/parts.js";
 
 export function BeginEndurance({ broken }) {
   const [known, setKnown] = useState(null);
@@ -48,7 +48,8 @@ function MakeSchedule({ known, saved }) {
   const [repeats, setRepeats] = useState({});
   const [wrong, setWrong] = useState("");
   const mine = known.drives.filter((one) => one.rig === state.rig);
-  const events = Object.fromEntries(mine.filter((one) => repeats[one.id]).map((one) => [eventName(one.id), { drive: one.id, repeats: Number(repeats[one.id]), ...(one.result === "reached" ? {} : { missed_target_accepted: true }) }]));
+  const typed = Object.fromEntries(mine.map((one) => [one.id, typedNumber(repeats[one.id] || "", { least: 1, whole: true })]));
+  const events = Object.fromEntries(mine.filter((one) => typed[one.id].value).map((one) => [eventName(one.id), { drive: one.id, repeats: typed[one.id].value, ...(one.result === "reached" ? {} : { missed_target_accepted: true }) }]));
   const save = async () => {
     setWrong("");
     try {
@@ -61,9 +62,9 @@ function MakeSchedule({ known, saved }) {
     ${mine.length === 0 ? html`<p>There is no recording with a drive for ${state.rig}.</p>` : html`
     <div class="row"><label>Name of the schedule <input name="schedule-name" value=${name} onInput=${(event) => setName(event.target.value)} /></label>
       <label>Order <select name="order" value=${order} onChange=${(event) => setOrder(event.target.value)}>${["interleaved", "in_order", "shuffled"].map((one) => html`<option value=${one}>${one.replace("_", " ")}</option>`)}</select></label>
-      <button type="button" id="save-schedule" disabled=${!mayMove() || !name || Object.keys(events).length === 0} onClick=${save}>${known.schedules.includes(name) ? `Replace ${name}` : "Save the schedule"}</button></div>
+      <button type="button" id="save-schedule" disabled=${!mayMove() || !name || Object.keys(events).length === 0 || mine.some((one) => typed[one.id].wrong)} onClick=${save}>${known.schedules.includes(name) ? `Replace ${name}` : "Save the schedule"}</button></div>
     <p role="alert" class="wrong">${wrong}</p>
     <${Table} caption="Drives: the best of each recording" heads=${["recording", "result", "repeats"]} rows=${mine.map((one) => [one.id, one.result === "reached" ? "reached" : html`<span class="warn">▲ ${one.result}</span>`,
-      html`<input aria-label=${`repeats of ${one.id}`} name=${`repeats-${one.id}`} size="8" inputmode="numeric" value=${repeats[one.id] || ""} onInput=${(event) => setRepeats({ ...repeats, [one.id]: event.target.value.trim() })} />`])} />
+      html`<input aria-label=${`repeats of ${one.id}`} name=${`repeats-${one.id}`} size="8" inputmode="numeric" value=${repeats[one.id] || ""} onInput=${(event) => setRepeats({ ...repeats, [one.id]: event.target.value.trim() })} /> <small class="wrong" role="alert">${typed[one.id].wrong}</small>`])} />
     <p>Damage plan, limits, actions after an alarm and what is kept have their defaults; the file that <code>duralab schedule design</code> writes has more.</p>`}</details>`;
 }

@@ -1,7 +1,7 @@
 // Screens that watch: the lab, a rig, a run.
 "use strict";
 import { chooseRig, described, get, html, isOperator, mayMove, attempt, post, state, targetOf, useEffect, useState } from "/web/lab.js";
-import { Deliberate, Legend, Mode, Plot, Table, clock, curve, figure, share, span } from "/web/parts.js";
+import { Deliberate, Legend, Mode, NumberInput, Plot, Table, clock, curve, figure, percent, share, span, typedNumber } from "/web/parts.js";
 
 const choose = (rig, screen) => () => { chooseRig(rig); location.hash = screen; };
 
@@ -120,8 +120,8 @@ function Begin() {
 function Iterations({ table }) {
   const rows = table.numbers.map((number, row) => ({
     className: number === table.best ? "best" : "",
-    cells: [`${number}${number === table.best ? " ★ best" : ""}`, share(table.level[row]), figure(table.overall[row]),
-      ...table.channels.map((_, column) => html`${figure(table.error[row][column])} <span class="second">${figure(table.damage[row][column])}</span>`)],
+    cells: [`${number}${number === table.best ? " ★ best" : ""}`, share(table.level[row]), percent(table.overall[row]),
+      ...table.channels.map((_, column) => html`${percent(table.error[row][column])} <span class="second">${figure(table.damage[row][column])}</span>`)],
   }));
   const points = [table.numbers, table.overall];
   return html`<div class="iterations"><${Table} caption="Iterations: relative RMS error, and damage ratio (slope 5) in small" className="figures"
@@ -162,25 +162,30 @@ function Hold({ campaign }) {
   const [from, setFrom] = useState(String(Math.max(1, hold.follows)));
   const [curves, setCurves] = useState(null);
   useEffect(() => { attempt(async () => setCurves(await get(`/api/campaigns/${campaign.id}/proposal`))); }, []);
-  const band = { ...(low && { lowest_frequency: Number(low) }), ...(high && { highest_frequency: Number(high) }) };
-  const settings = { ...(gain && { update: { iteration_gain: Number(gain) } }), ...((low || high) && { control_band: band }) };
-  const values = { kind, proposal: hold.number, reason: reason.trim(), ...(kind === "change" && { settings }), ...(kind === "back" && { from_iteration: Number(from) }) };
-  const ready = reason.trim() !== "" && !(kind === "play" && hold.refusal) && !(kind === "change" && Object.keys(settings).length === 0);
+  const typed = { gain: typedNumber(gain, { most: 1 }), low: typedNumber(low), high: typedNumber(high), from: typedNumber(from, { least: 1, whole: true, required: true }) };
+  const wrong = { change: typed.gain.wrong || typed.low.wrong || typed.high.wrong, back: typed.from.wrong }[kind];
+  const isGiven = (one) => one.value !== undefined;
+  const band = { ...(isGiven(typed.low) && { lowest_frequency: typed.low.value }), ...(isGiven(typed.high) && { highest_frequency: typed.high.value }) };
+  const settings = { ...(isGiven(typed.gain) && { update: { iteration_gain: typed.gain.value } }), ...(Object.keys(band).length > 0 && { control_band: band }) };
+  const values = { kind, proposal: hold.number, reason: reason.trim(), ...(kind === "change" && { settings }), ...(kind === "back" && { from_iteration: typed.from.value }) };
+  const ready = reason.trim() !== "" && !wrong && !(kind === "play" && hold.refusal) && !(kind === "change" && Object.keys(settings).length === 0);
+  const about = described(campaign.rig);
+  const unit = (name) => about?.drives.find((one) => one.name === name)?.unit ?? "";
   const label = kind === "play" ? `Play this drive on ${campaign.rig}` : KINDS.find(([one]) => one === kind)[1];
   return html`<section class="hold" aria-label="Hold point"><h2>Decide: the drive of playback ${hold.playback}, ${hold.follows ? `made from playback ${hold.follows}` : "the first"}</h2>
-    <p>${hold.reason}. Predicted error over all controlled responses: <strong>${figure(hold.overall)}</strong>, at ${share(hold.level)} of the target.</p>
+    <p>${hold.reason}. Predicted error over all controlled responses: <strong>${percent(hold.overall)}</strong>, at ${share(hold.level)} of the target.</p>
     ${hold.refusal && html`<p class="notice">No drive could be made with the settings in use: ${hold.refusal}</p>`}
     ${hold.remarks.map((remark) => html`<p class="notice">${remark}</p>`)}
     <div class="beside"><${Table} caption="Next drive" heads=${["drive", "peak", "of its range", "slew", "of its limit", "change"]}
-      rows=${hold.drives.map((one) => [one.channel, figure(one.peak), html`${share(one.range_share)} <meter min="0" max="1" high="0.9" value=${one.range_share} aria-label=${`share of the range of ${one.channel}`}></meter>`, figure(one.slew), one.slew_share ? share(one.slew_share) : "–", share(one.change)])} />
-    <${Table} caption="Prediction" heads=${["response", "error", "peak", "damage", "uncertainty"]}
-      rows=${hold.responses.map((one) => [one.channel, figure(one.error), figure(one.peak), figure(one.damage), one.uncertainty === null ? "unknown" : `± ${figure(one.uncertainty)}`])} /></div>
+      rows=${hold.drives.map((one) => [one.channel, `${figure(one.peak)} ${unit(one.channel)}`, html`${share(one.range_share)} <meter min="0" max="1" high="0.9" value=${one.range_share} aria-label=${`share of the range of ${one.channel}`}></meter>`, `${figure(one.slew)} ${unit(one.channel)}/s`, one.slew_share ? share(one.slew_share) : "–", share(one.change)])} />
+    <${Table} caption="Prediction" heads=${["response", "error", "peak ratio", "damage ratio", "uncertainty of the error"]}
+      rows=${hold.responses.map((one) => [one.channel, percent(one.error), figure(one.peak), figure(one.damage), one.uncertainty === null ? "unknown" : `± ${percent(one.uncertainty)}`])} /></div>
     ${isOperator() && html`<form onSubmit=${(event) => event.preventDefault()}>
       <fieldset><legend>Decision</legend>${KINDS.map(([one, words]) => html`<label class="choice"><input type="radio" name="decision" value=${one} checked=${kind === one} onChange=${() => setKind(one)} /> ${words}</label>`)}</fieldset>
-      ${kind === "change" && html`<div class="row"><label>Iteration gain, 0 to 1 <input name="gain" inputmode="decimal" value=${gain} onInput=${(event) => setGain(event.target.value)} /></label>
-        <label>Control band from, Hz <input inputmode="decimal" value=${low} onInput=${(event) => setLow(event.target.value)} /></label>
-        <label>to, Hz <input inputmode="decimal" value=${high} onInput=${(event) => setHigh(event.target.value)} /></label></div>`}
-      ${kind === "back" && html`<label>Playback to make the next drive from <input name="from" inputmode="numeric" value=${from} onInput=${(event) => setFrom(event.target.value)} /></label>`}
+      ${kind === "change" && html`<div class="row"><${NumberInput} label="Iteration gain, 0 to 1" name="gain" text=${gain} change=${setGain} typed=${typed.gain} />
+        <${NumberInput} label="Control band from, Hz" name="low" text=${low} change=${setLow} typed=${typed.low} />
+        <${NumberInput} label="to, Hz" name="high" text=${high} change=${setHigh} typed=${typed.high} /></div>`}
+      ${kind === "back" && html`<${NumberInput} label="Playback to make the next drive from" name="from" text=${from} change=${setFrom} typed=${typed.from} />`}
       <div class="row"><label>Reason, kept in the recording <input class="reason-field" name="reason" value=${reason} maxlength="500" onInput=${(event) => setReason(event.target.value)} /></label>
       <${Deliberate} label=${label} action=${`/api/campaigns/${campaign.id}/decide`} values=${values} ready=${ready} /></div></form>`}
     ${!curves ? html`<p role="status">Reading the drive and the prediction …</p>` : html`<${Foreseen} campaign=${campaign} curves=${curves} />`}
@@ -204,7 +209,7 @@ function Foreseen({ campaign, curves }) {
       <${Legend} curves=${[["target, without its static part", "target"], ["predicted, in the control band", "response"]]} />
       <div class="plots">${hold.responses.map((one, row) => {
         const place = about.responses.findIndex((channel) => channel.name === one.channel);
-        return html`<${Plot} key=${one.channel} title=${`${one.channel}: error ${figure(one.error)}, damage ${figure(one.damage)}`} unit=${about.responses[place] ? about.responses[place].unit : ""} changes=${hold.number}
+        return html`<${Plot} key=${one.channel} title=${`${one.channel}: error ${percent(one.error)}, damage ${figure(one.damage)}`} unit=${about.responses[place] ? about.responses[place].unit : ""} changes=${hold.number}
           curves=${[drawn("target", "--target", target, place, 2), drawn("predicted", "--response", predicted, row, 1)]} />`;
       })}</div></details>`}`;
 }
