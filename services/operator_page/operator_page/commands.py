@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import secrets
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,21 +40,36 @@ class Commands:
         self._log.info("command", who=who, did=text, **values)
         self._view.say(text, who=who)
 
-    def _in_background(self, work: Callable[[], object], *, name: str) -> None:
+    def _in_background(self, work: Callable[[], str], *, name: str, who: str, taken: Sequence[str] = ()) -> str:
+        """Do something in a thread; return the attempt with which the log reports its sentence or its failure.
+
+        `taken`: Rigs that `who` holds only for this, released if it fails.
+        """
+        attempt = secrets.token_hex(8)
+
         def run() -> None:
             try:
-                work()
+                self._view.say(work(), who=who, attempt=attempt)
+                return
             except (LabError, BusError) as error:
-                self._view.say(str(error), trouble=True)
+                failure = str(error)
             except Exception:  # noqa: BLE001 - said on every page, and in the log
                 self._log.exception("a command failed")
-                self._view.say("The page could not carry a command out; its log says why.", trouble=True)
+                failure = "The page could not carry a command out; its log says why."
+            for rig in taken:
+                self._holders.release(rig, who)
+            self._view.say(failure, trouble=True, attempt=attempt)
 
         threading.Thread(target=run, name=name, daemon=True).start()
+        return attempt
 
-    def stop(self, rig: str, who: str, reason: str) -> dict[str, Any]:
-        """Stop a rig and its campaign or test now; answer shortly, whether or not it is at rest."""
+    def stop(self, rig: str, who: str, reason: str, attempt: str = "") -> dict[str, Any]:
+        """Stop a rig and its campaign or test now; answer shortly, whether or not it is at rest.
+
+        The log reports a later failure with `attempt`.
+        """
         why = f"{reason or 'Stop'} ({who}, at the operator page)"
+        attempt = attempt or secrets.token_hex(8)
         with self._lock:
             beginning = [event for name, event in self._beginning.items() if rig in name.split()]
         for event in beginning:
@@ -66,24 +83,26 @@ class Commands:
         )
         done, pending = wait(sent, timeout=ANSWER_SECONDS)
         for future in pending:
-            future.add_done_callback(self._tell_failure)
+            future.add_done_callback(partial(self._tell_failure, attempt))
         for future in done:
             future.result()
-        return {"rests": not pending}
+        return {"rig": rig, "rests": not pending, "attempt": attempt}
 
-    def _tell_failure(self, future: Future[Any]) -> None:
+    def _tell_failure(self, attempt: str, future: Future[Any]) -> None:
         if (error := future.exception()) is not None:
-            self._view.say(f"The stop was not carried out: {error}", trouble=True)
+            failure = f"The stop was not carried out: {error} Use the emergency stop."
+            self._view.say(failure, trouble=True, attempt=attempt)
 
     def stop_all(self, who: str, reason: str) -> dict[str, Any]:
         """Stop every rig."""
-        answers = [self._stops.submit(self.stop, rig, who, reason) for rig in self._lab.rig_names()]
-        return {"rests": all(answer.result()["rests"] for answer in answers)}
+        attempt = secrets.token_hex(8)
+        answers = [self._stops.submit(self.stop, rig, who, reason, attempt) for rig in self._lab.rig_names()]
+        return {"rig": "", "rests": all(answer.result()["rests"] for answer in answers), "attempt": attempt}
 
     def reset(self, rig: str, who: str, reason: str) -> dict[str, Any]:
         """Clear the latch of a rig."""
         self._require_known(rig)
-        self._holders.require(rig, who)
+        self._holders.require(who, rig)
         self._did(who, f"Reset of {rig}: {reason}")
         state = self._lab.reset(rig, name=who, reason=reason)
         return {"mode": state.mode.value}
@@ -120,53 +139,57 @@ class Commands:
         _require_shown(values.rigs, plan.rigs)
         for rig in plan.rigs:
             self._require_known(rig)
-            self._holders.require(rig, who)
 
-        def work(cancel: threading.Event) -> None:
+        def work(cancel: threading.Event) -> str:
             id = self._lab.begin(
                 plan, on_progress=lambda done: self._view.wait_with(plan.rig, done.activity), cancel=cancel
             )
-            self._view.say(f"The campaign {id} has begun.", who=who)
+            return f"The campaign {id} has begun."
 
-        self._make_ready(plan.rigs, "making the target", work)
+        attempt = self._make_ready(plan.rigs, "making the target", work, who=who)
         self._did(who, f"Begin of campaign {plan.name} on {plan.rig}.")
-        return {"rig": plan.rig, "campaign": plan.name}
+        return {"rig": plan.rig, "campaign": plan.name, "attempt": attempt}
 
-    def _make_ready(self, rigs: Sequence[str], activity: str, begin: Callable[[threading.Event], None]) -> None:
-        """Start something on rigs in the background; a stop of one of them sets the event, which interrupts it."""
+    def _make_ready(
+        self, rigs: Sequence[str], activity: str, begin: Callable[[threading.Event], str], *, who: str
+    ) -> str:
+        """Hold rigs and start something on them in the background; return its attempt.
+
+        A stop of one of them sets the event, which interrupts it.
+        """
         cancel, key = threading.Event(), " ".join(rigs)
         with self._lock:
             if taken := [rig for name in self._beginning for rig in name.split() if rig in rigs]:
                 raise InputError(f"A test is already being made ready on {taken[0]}; wait, or stop it.")
+            taken = self._holders.require(who, *rigs)
             self._beginning[key] = cancel
 
-        def work() -> None:
+        def work() -> str:
             try:
                 self._view.wait_with(rigs[0], activity)
-                begin(cancel)
+                return begin(cancel)
             finally:
                 with self._lock:
                     del self._beginning[key]
                 self._view.wait_with(rigs[0], "")
 
-        self._in_background(work, name="page-begin")
+        return self._in_background(work, name="page-begin", who=who, taken=taken)
 
     def pre_test(self, rig: str, who: str) -> dict[str, Any]:
         """Play small pulses on each drive of a rig and report faults; it continues without the page."""
         self._require_known(rig)
-        self._holders.require(rig, who)
+        self._holders.require(who, rig)
         self._did(who, f"Pre-test of {rig}.")
 
-        def work() -> None:
+        def work() -> str:
             found = self._lab.pre_test(rig)
             for finding in found.findings:
                 self._view.say(f"Pre-test of {rig}: {finding.sentence}", trouble=finding.failed)
-            self._view.say(
-                f"The pre-test of {rig} is {'passed' if found.passed else 'not passed'}.", trouble=not found.passed
-            )
+            if not found.passed:
+                raise LabError(f"The pre-test of {rig} is not passed.")
+            return f"The pre-test of {rig} is passed."
 
-        self._in_background(work, name="page-pre-test")
-        return {}
+        return {"rig": rig, "attempt": self._in_background(work, name="page-pre-test", who=who)}
 
     def stop_campaign(self, id: str, who: str, reason: str) -> dict[str, Any]:
         """Stop a campaign and the rig it uses."""
@@ -176,7 +199,7 @@ class Commands:
 
     def decide(self, id: str, values: Decide, who: str) -> dict[str, Any]:
         """Decide at a hold point."""
-        self._holders.require(self._rig_of(id), who)
+        self._holders.require(who, self._rig_of(id))
         progress = self._lab.decide(
             id,
             values.kind,
@@ -192,13 +215,15 @@ class Commands:
     def resume(self, id: str, values: Resume, who: str) -> dict[str, Any]:
         """Continue an interrupted campaign, or resume an ended one as a new campaign; it runs without the page."""
         rig = self._rig_of(id)
-        self._holders.require(rig, who)
+        self._holders.require(who, rig)
         self._did(who, f"Resume of campaign {id} on {rig}.")
         out = self.folder / "results" / id
-        self._in_background(
-            lambda: self._lab.resume(id, from_iteration=values.from_iteration, out=out), name="page-resume"
-        )
-        return {"rig": rig}
+
+        def work() -> str:
+            self._lab.resume(id, from_iteration=values.from_iteration, out=out)
+            return f"The campaign resumed from {id} has ended."
+
+        return {"rig": rig, "attempt": self._in_background(work, name="page-resume", who=who)}
 
     def _rig_of(self, id: str) -> str:
         if not (rig := self._view.rig_of(id)):
@@ -212,32 +237,30 @@ class Commands:
         schedule = load_schedule(self.folder / f"{values.name}.yaml")
         _require_shown(values.rigs, (schedule.rig,))
         self._require_known(schedule.rig)
-        self._holders.require(schedule.rig, who)
 
-        def work(cancel: threading.Event) -> None:
+        def work(cancel: threading.Event) -> str:
             complete = fetched_drives(schedule, self._lab.catalogue, self.folder)
             if cancel.is_set():
-                self._view.say(f"The endurance test {schedule.name} was stopped before it began.", who=who)
-                return
+                raise LabError(f"The endurance test {schedule.name} was stopped before it began.")
             test = self._lab.endure(complete, seed=values.seed, real_time=values.real_time)
-            self._view.say(f"The endurance test {test.id} has begun.", who=who)
             if cancel.is_set():
                 test.stop(reason="It was stopped while it began.")
+            return f"The endurance test {test.id} has begun."
 
-        self._make_ready([schedule.rig], "reading the drives of the schedule", work)
+        attempt = self._make_ready([schedule.rig], "reading the drives of the schedule", work, who=who)
         self._did(who, f"Begin of the endurance test {schedule.name} on {schedule.rig}.")
-        return {"rig": schedule.rig, "test": schedule.name}
+        return {"rig": schedule.rig, "test": schedule.name, "attempt": attempt}
 
     def hold_endurance(self, id: str, who: str, reason: str) -> dict[str, Any]:
         """Hold an endurance test after the present repeat."""
-        self._holders.require(self._view.endurance.progress(id).rig, who)
+        self._holders.require(who, self._view.endurance.progress(id).rig)
         progress = self._lab.endurance(id).hold(reason=f"{reason} ({who}, at the operator page)")
         self._did(who, f"{id}: hold after the repeat that plays: {reason}")
         return {"activity": progress.activity}
 
     def decide_endurance(self, id: str, values: DecideEndurance, who: str) -> dict[str, Any]:
         """Decide on a hold of an endurance test."""
-        self._holders.require(self._view.endurance.progress(id).rig, who)
+        self._holders.require(who, self._view.endurance.progress(id).rig)
         progress = self._lab.endurance(id).decide(values.kind, hold=values.hold, name=who, reason=values.reason)
         self._did(who, f"{id}: {values.kind.replace('_', ' ')}, on hold {values.hold}: {values.reason}")
         return {"activity": progress.activity}
@@ -249,7 +272,7 @@ class Commands:
     def resume_endurance(self, id: str, who: str) -> dict[str, Any]:
         """Resume an endurance test whose sequencer ended, at its next repeat."""
         test = self._lab.endurance(id)
-        self._holders.require(test.rig, who)
+        self._holders.require(who, test.rig)
         progress = test.resume()
         self._did(who, f"Resume of the endurance test {id} on {test.rig}.")
         return {"rig": test.rig, "activity": progress.activity}

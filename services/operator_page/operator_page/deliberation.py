@@ -65,13 +65,20 @@ class Holders:
         """Return the holder of a rig."""
         return self._holders.get(rig)
 
-    def require(self, rig: str, name: str) -> Holder:
-        """Return the holder of a rig, `name`, also if it had no holder; raises PermissionError with a sentence."""
+    def require(self, name: str, *rigs: str) -> list[str]:
+        """Make `name` the holder of all rigs or of none, and return those that had no holder.
+
+        Raises PermissionError with a sentence if another person holds one of them.
+        """
         with self._lock:
-            holder = self._holders.setdefault(rig, Holder(name, time.time()))
-        if holder.name != name:
-            raise PermissionError(f"{holder.name} holds the rig {rig}; ask {holder.name}, or take the rig over first.")
-        return holder
+            for rig in rigs:
+                if (holder := self._holders.get(rig)) is not None and holder.name != name:
+                    raise PermissionError(
+                        f"{holder.name} holds the rig {rig}; ask {holder.name}, or take the rig over first."
+                    )
+            new = [rig for rig in rigs if rig not in self._holders]
+            self._holders.update({rig: Holder(name, time.time()) for rig in new})
+        return new
 
     def take(self, rig: str, name: str) -> Holder | None:
         """Give a rig to a person; return its earlier holder."""

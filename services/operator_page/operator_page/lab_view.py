@@ -205,14 +205,18 @@ class LabView:
             run.over = event.last
             self.changes += 1
 
-    def say(self, text: str, *, trouble: bool = False, who: str = "") -> None:
-        """Add a line to the log that every page shows; a repetition of the last line is left out."""
+    def say(self, text: str, *, trouble: bool = False, who: str = "", attempt: str = "") -> None:
+        """Add a line to the log that every page shows; a repetition of the last line is left out.
+
+        `attempt`: Command that the line is about, for the answer line of the window that gave it.
+        """
         with self._lock:
-            if self._lines and self._lines[-1]["text"] == text and trouble:
+            if not attempt and self._lines and self._lines[-1]["text"] == text and trouble:
                 self._lines[-1]["when"] = time.time()
                 return
             self._line_number += 1
             line = {"number": self._line_number, "when": time.time(), "text": text, "trouble": trouble, "who": who}
+            line |= {"attempt": attempt} if attempt else {}
             self._lines.append(line)
             self.changes += 1
 

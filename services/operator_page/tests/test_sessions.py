@@ -81,14 +81,23 @@ def test_an_armed_action_is_done_once_by_its_own_session_with_its_own_values_in_
 
 def test_a_rig_is_held_by_the_first_until_another_takes_it():
     holders = Holders()
-    holders.require("rig", "Ada")
-    holders.require("rig", "Ada")
+    holders.require("Ada", "rig")
+    holders.require("Ada", "rig")
     with pytest.raises(PermissionError, match="Ada holds the rig rig; ask Ada, or take the rig over first"):
-        holders.require("rig", "Grace")
+        holders.require("Grace", "rig")
     before = holders.take("rig", "Grace")
     assert before is not None
     assert before.name == "Ada"
-    holders.require("rig", "Grace")
+    holders.require("Grace", "rig")
     assert not holders.release("rig", "Ada")
     assert holders.release("rig", "Grace")
     assert holders.of("rig") is None
+
+
+def test_several_rigs_are_held_together_or_not_at_all():
+    holders = Holders()
+    holders.require("Grace", "vehicle")
+    with pytest.raises(PermissionError, match="Grace holds the rig vehicle"):
+        holders.require("Ada", "rig", "vehicle")
+    assert holders.of("rig") is None
+    assert holders.require("Grace", "rig", "vehicle") == ["rig"]

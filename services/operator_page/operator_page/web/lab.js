@@ -10,7 +10,7 @@ const MOST_LINES = 500;
 
 export const state = {
   session: null, lab: null, log: [], signals: {}, targets: {}, described: {},
-  live: false, reload: false, rig: sessionStorage.getItem("rig") || "", said: null, theme: localStorage.getItem("theme") || "",
+  live: false, reload: false, rig: sessionStorage.getItem("rig") || "", said: null, attempt: "", theme: localStorage.getItem("theme") || "",
 };
 const listeners = new Set();
 let scheduled = false;
@@ -73,16 +73,39 @@ export const act = (action, values, word) => post(action, values, { word, seen: 
 export async function stop(rig) {
   say(`Stop of ${rig || "all rigs"} sent …`);
   try {
-    const answer = await post(rig ? `/api/rigs/${rig}/stop` : "/api/stop", {});
-    say(answer.rests ? `${rig || "All rigs"}: stopped, at rest.` : `${rig || "All rigs"}: stopped, on the way down.`);
+    answered("Stop", await post(rig ? `/api/rigs/${rig}/stop` : "/api/stop", {}));
   } catch (error) {
     say(`The stop did not reach the lab: ${error.message} Use the emergency stop.`, true);
   }
 }
 
-export function say(text, trouble = false) {
-  state.said = { text, trouble, when: Date.now() };
+export function say(text, trouble = false, about = {}) {
+  state.said = { ...about, text, trouble };
   changed();
+}
+
+const modeOf = (name) => state.lab.rigs.find((one) => one.name === name)?.mode;
+
+export function answered(label, answer) {
+  const { rig } = answer;
+  if (answer.rests !== undefined) say(`${rig || "All rigs"}: ${answer.rests ? "stopped, at rest" : "stop sent, not at rest yet"}.`, false, { stopped: rig });
+  else if (answer.attempt) say(`${label}: accepted, being made ready.`, false, { rig, mode: modeOf(rig) });
+  else say(`${label}: done.`);
+  state.attempt = answer.attempt || "";
+  bringUpToDate();
+}
+
+// The answer to a command while it is true: the log reports how an attempt went, and the rig whether it is at rest.
+function bringUpToDate() {
+  const line = state.attempt && state.log.find((one) => one.attempt === state.attempt);
+  if (line) { state.attempt = ""; say(line.text, line.trouble); return; }
+  const { said } = state;
+  if (said?.rig && modeOf(said.rig) !== said.mode) state.said = null;
+  if (said?.stopped === undefined) return;
+  const stopped = state.lab.rigs.filter((one) => !said.stopped || one.name === said.stopped);
+  const latched = stopped.length > 0 && stopped.every((one) => one.mode === "interlocked");
+  if (latched && !said.latched) say(`${said.stopped || "All rigs"}: stopped, at rest.`, false, { ...said, latched });
+  if (!latched && said.latched) state.said = null;
 }
 
 export async function attempt(work) {
@@ -122,6 +145,7 @@ function listen() {
     if (isOld(document.now)) { setLive(false); return; }
     state.log = [...state.log, ...document.log].slice(-MOST_LINES);
     state.lab = document;
+    bringUpToDate();
     const names = document.rigs.map((rig) => rig.name);
     if (!state.rig && names.length) chooseRig(busiest(document) || names[0]);
     heard = seconds();

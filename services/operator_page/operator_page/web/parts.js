@@ -1,6 +1,6 @@
 // Parts that several screens use: a motion in two acts, a state with its age, tables of figures, plots.
 "use strict";
-import { act, arm, attempt, html, mayMove, say, useEffect, useRef, useState } from "/web/lab.js";
+import { act, answered, arm, attempt, html, mayMove, useEffect, useRef, useState } from "/web/lab.js";
 
 export function figure(value, digits = 3) {
   if (value === null || value === undefined) return "–";
@@ -59,7 +59,7 @@ export function Deliberate({ label, action, values, ready = true, done, kind = "
     const { word } = armed;
     setArmed(null);
     const answer = await attempt(() => act(action, values, word));
-    if (answer) { say(`${label}: done.`); if (done) done(answer); }
+    if (answer) { answered(label, answer); if (done) done(answer); }
   };
   return html`<span class="deliberate" role="group" aria-label=${label}>
     <button type="button" class="arm" disabled=${!ready || !mayMove() || armed} onClick=${first}>${armed ? "Armed" : `Arm: ${label}`}</button>

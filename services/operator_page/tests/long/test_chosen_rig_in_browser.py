@@ -80,7 +80,7 @@ def test_a_reload_or_an_absent_rig_does_not_change_the_rig_that_is_stopped(brows
     page.wait_for_text("away (not in the lab)", ".rig-choice")
     page.wait("document.querySelector('.live')")
     page.key("F9", windowsVirtualKeyCode=120)
-    page.wait_for_text("The stop was not carried out: No rig 'away'")
+    page.wait_for_text("Use the emergency stop.", ".said.bad")
     assert page.text("#stop").startswith("STOP away")
 
 

@@ -29,6 +29,7 @@ def test_a_campaign_is_begun_held_changed_decided_stopped_and_resumed(lab, serve
     page.go("run")
     page.choose("select[name=campaign]", "file:held")
     page.deliberate("section[aria-label='Begin a campaign']")
+    page.wait_for_text("The campaign held has begun.", ".said")
     decide(page, 1)
     page.deliberate(".hold")
     decide(page, 2, "change", reason="too slow")
@@ -195,6 +196,7 @@ def test_an_endurance_test_is_begun_held_gone_on_with_and_stopped(lab, served, b
     page.wait_for_text("looked", "section .scroll[aria-label=Decisions], .scroll[aria-label=Decisions]")
     page.write("input[name=hold-reason]", "seen enough")
     page.deliberate(".acting .deliberate:last-child")
+    page.wait_for_text(f"{RIG}: stopped, at rest.", ".said")
     page.wait_for_text("stopped", "h1 .mode")
     assert page.value("wrong") == []
     progress = lab.lab.endurance("by-mouse").progress()
