@@ -32,7 +32,7 @@ test_of.__test__ = False
 def begun(page_lab, page, ada, name, **changes):
     page_lab.put_schedule(page, schedule(name, **changes))
     status, answer = ada.act("/api/endurance", {"name": name})
-    assert (status, answer) == (200, {"rig": RIG, "test": name})
+    assert (status, answer["rig"], answer["test"]) == (200, RIG, name)
 
 
 def test_a_schedule_is_forecast_and_is_no_campaign(page_lab, page, people):
