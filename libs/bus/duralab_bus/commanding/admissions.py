@@ -19,7 +19,20 @@ StatusT = TypeVar("StatusT", bound=Message)
 
 
 def already_exists(id: str, *, field: str = "id") -> FaultError:
-    """Return the fault ALREADY_EXISTS for an id that has a recording; `field` of the request holds it."""
+    """Return the fault for an id that has a recording.
+
+    Parameters
+    ----------
+    id : str
+        Id of the campaign or test.
+    field : str
+        Field of the request that holds it.
+
+    Returns
+    -------
+    FaultError
+        ALREADY_EXISTS, which is not raised here.
+    """
     return FaultError(
         query_pb2.FAULT_CODE_ALREADY_EXISTS,
         f"A recording {id!r} exists already and is never overwritten; choose another id.",
@@ -29,7 +42,15 @@ def already_exists(id: str, *, field: str = "id") -> FaultError:
 
 @dataclass(frozen=True)
 class Admitted(Generic[WorkT, StatusT]):
-    """A campaign or test of this process; one that has ended has no `work`."""
+    """A campaign or test of this process.
+
+    Parameters
+    ----------
+    work : WorkT, optional
+        The campaign or test; missing after its end.
+    board : StatusBoard
+        Its status.
+    """
 
     work: WorkT | None
     board: StatusBoard[StatusT]
@@ -38,7 +59,12 @@ class Admitted(Generic[WorkT, StatusT]):
 class Admissions(Generic[WorkT, StatusT]):
     """Campaigns or tests by id, and the rigs that they hold. Any thread may call.
 
-    `what`: Kind of the work, e.g. "campaign". `kept`: Largest number of ended ones whose status is kept.
+    Parameters
+    ----------
+    what : str
+        Kind of the work, e.g. "campaign".
+    kept : int
+        Largest number of ended ones whose status is kept.
     """
 
     def __init__(self, what: str, *, kept: int) -> None:

@@ -26,7 +26,13 @@ class _Brought(Generic[DecisionT]):
 
 
 class OpenHold(Generic[HoldT, DecisionT]):
-    """The hold that waits for its decision, if there is one. `stop`: Event that ends the waiting."""
+    """The hold that waits for its decision, if there is one.
+
+    Parameters
+    ----------
+    stop : threading.Event
+        Ends the waiting.
+    """
 
     def __init__(self, stop: threading.Event) -> None:
         self._stop = stop

@@ -14,8 +14,24 @@ from duralab_proto.v1 import query_pb2, recorder_pb2
 def recorded_steps(bus: Bus, recording: str, *, with_samples: bool = False) -> Iterator[recorder_pb2.RecordedStep]:
     """Yield the steps of a recording in their order; only as many are asked for as are taken.
 
-    `with_samples`: Whether a step that leaves its samples to its run comes with drive and response of that run.
-    Raises `FaultError`: NOT_FOUND if there is no such recording, DATA_LOSS if it is damaged.
+    Parameters
+    ----------
+    bus : Bus
+        Bus of the recorder.
+    recording : str
+        Id of the recording.
+    with_samples : bool
+        Whether a step that leaves its samples to its run comes with drive and response of that run.
+
+    Returns
+    -------
+    iterator of duralab.v1.RecordedStep
+        Steps 0, 1, 2 and so on.
+
+    Raises
+    ------
+    FaultError
+        NOT_FOUND if there is no such recording, DATA_LOSS if it is damaged.
     """
     first, total = 0, 1
     while first < total:
@@ -37,8 +53,26 @@ def message_of_step(
 ) -> Message:
     """Return the message of a step.
 
-    `kinds`: Every message that such a recording may hold, by its full name. `of`: What is recorded, e.g. "a campaign".
-    Raises `FaultError`: DATA_LOSS if it is of another type or cannot be decoded.
+    Parameters
+    ----------
+    recording : str
+        Id of the recording.
+    step : duralab.v1.RecordedStep
+        Step of it.
+    kinds : mapping of str to type
+        Every message that such a recording may hold, by its full name.
+    of : str
+        Kind of the work that is recorded, with its article, e.g. "a campaign".
+
+    Returns
+    -------
+    Message
+        Message that was committed.
+
+    Raises
+    ------
+    FaultError
+        DATA_LOSS if it is of another type or cannot be decoded.
     """
     kind = kinds.get(step.message_type)
     if kind is None:
@@ -51,7 +85,20 @@ def message_of_step(
 
 
 def damaged_recording(recording: str, why: str) -> FaultError:
-    """Return the fault DATA_LOSS for a recording; `why` is a clause about what is wrong."""
+    """Return the fault for a recording that cannot be read back.
+
+    Parameters
+    ----------
+    recording : str
+        Id of the recording.
+    why : str
+        Clause about what is wrong, without a full stop.
+
+    Returns
+    -------
+    FaultError
+        DATA_LOSS, which is not raised here.
+    """
     return FaultError(
         query_pb2.FAULT_CODE_DATA_LOSS, f"The recording {recording!r} cannot be read back: {why}.", field="id"
     )

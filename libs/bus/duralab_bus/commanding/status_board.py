@@ -17,9 +17,17 @@ _REPEAT_SECONDS: Final = 0.5
 class StatusBoard(Generic[StatusT]):
     """Status of one campaign or test. Its thread changes it; any thread may read it.
 
-    `status`: At the beginning. `publish`: Called with each published status, one at a time, in order, until the final
-    one; it must not change the status. `is_final`: Whether a status is the last one. `shortest_seconds`: Shortest time
-    between two published statuses, except the final one; with 0 the thread of a change publishes it at once.
+    Parameters
+    ----------
+    status : StatusT
+        Status at the beginning.
+    publish : callable
+        Called with each published status, one at a time, in order, until the final one; it must not change the status.
+    is_final : callable
+        Whether a status is the last one.
+    shortest_seconds : float
+        Shortest time in seconds between two published statuses, except the final one; with 0 the thread of a change
+        publishes it at once.
     """
 
     def __init__(
