@@ -151,7 +151,8 @@ class ChangeDetector:
         Returns
         -------
         Explanation
-            Step or ramp. A change of fewer than four repeats is a step.
+            Step or ramp. A change of fewer than four repeats is a step. One as old as the scores began while the
+            baseline was learnt: a drift, of which the learnt scatter makes a constant score.
         """
         inverse = np.linalg.pinv(self._covariance(), rcond=1e-10, hermitian=True)
         old = np.searchsorted(_AGES, max(1, self.scored), side="right")
@@ -167,6 +168,8 @@ class ChangeDetector:
         if old <= _SHORTEST_RAMP:
             return Explanation(sudden=True, age=step_age, evidence=step)
         ramp, ramp_age = best(ramps[_SHORTEST_RAMP:], ages[_SHORTEST_RAMP:])
+        if step >= ramp and step_age > _SHORTEST_RAMP and step_age == ages[-1]:
+            return Explanation(sudden=False, age=step_age, evidence=0.5 * (step - ramp))
         sudden = step >= ramp
         return Explanation(sudden=sudden, age=step_age if sudden else ramp_age, evidence=0.5 * abs(step - ramp))
 

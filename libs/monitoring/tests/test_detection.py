@@ -135,6 +135,20 @@ def test_a_ramp_is_a_drift_and_begins_when_it_began(slope):
     assert np.median([abs(explained.age - age) / age for age, explained in found]) < 0.3
 
 
+@pytest.mark.parametrize("slope", [0.3, 1.0, 10.0])
+def test_a_drift_that_began_while_the_baseline_was_learnt_is_no_step(slope):
+    random, detector, found = np.random.default_rng(4), ChangeDetector(2, 50), {}
+    for repeat in range(200):
+        measures = slope * repeat + random.standard_normal(50)
+        # Ten repeats of each event are learnt before the first score.
+        clear = np.abs(detector.score(repeat % 2, measures)).max(axis=0) if repeat >= 20 else np.zeros(50)
+        for measure in np.flatnonzero(clear > 5.9):
+            found.setdefault(int(measure), detector.explain(int(measure)))
+        detector.learn(repeat % 2, measures, clear < 4.0)
+    assert len(found) == 50
+    assert np.mean([not explained.sudden for explained in found.values()]) > 0.9
+
+
 def test_repeats_that_are_the_same_to_the_last_bit_have_no_score():
     detector = ChangeDetector(1, 2)
     for _ in range(4):
