@@ -108,7 +108,8 @@ def test_a_status_shows_the_last_remarks_and_alarms_only():
     def repeat(number: int) -> None:
         alarm = sequencer_pb2.EnduranceAlarm(repeat=number, sentence=f"alarm {number}")
         board.add_remark(f"remark {number}")
-        board.show_repeat(sequencer_pb2.EnduranceRepeat(repeat=number, alarms=[alarm]), kept=False)
+        step = sequencer_pb2.EnduranceRepeat(repeat=number, alarms=[alarm])
+        board.show_repeat(step, kept=False, counts=lambda status: setattr(status, "played", number))
 
     for number in range(3 * MOST_SHOWN):
         repeat(number)

@@ -152,7 +152,7 @@ def _first_drive(given: str, *, ask: LabClient, rig: Rig, folder: Path) -> tuple
     path = folder / given
     if path.suffix != ".mcap" and path.is_file():
         return read_drive_file(path, rig), None
-    if "." in given and not path.is_file():
+    if path.suffix not in ("", ".mcap") and not path.is_file():
         raise InputError(
             f"{field} is {given!r}, and there is no file {str(path)!r}; give a drive file, a recording or the id of one"
             f"{did_you_mean(path)}",
