@@ -83,7 +83,7 @@ def test_a_test_is_begun_held_gone_on_with_alarmed_and_stopped(page_lab, page, p
         assert waiting["phase"] == "holding"
     finally:
         page_lab.rig.cracked = False
-    ada.wait_for(lambda lab: test_of("weeks")(lab)["read"] > waiting["played"])
+    ada.wait_for(lambda lab: test_of("weeks")(lab)["read"] == waiting["played"])
     details = vera.get("/api/endurance/weeks?event=rough&statistic=residual")[1]
     alarm = details["alarms"][0]
     assert alarm["level"] == "abort"
