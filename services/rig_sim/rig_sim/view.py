@@ -14,7 +14,7 @@ from pydrake.multibody.plant import MultibodyPlant
 from duralab_gateway.motion import to_poses
 from duralab_proto.arrays import to_array
 from duralab_proto.v1 import rig_pb2
-from rig_sim.compile import FOLDER_VARIABLE, cached_model, compile_model
+from rig_sim.compile import FOLDER_VARIABLE, cached_bytes, cached_model, compile_model
 from rig_sim.elements import AntiRollBar, Strut, Tyre
 from rig_sim.hydraulics import HydraulicActuator
 from rig_sim.model import Assembly, SpindleForce
@@ -74,12 +74,22 @@ class Poses:
         return self._compiled.outputs_at(positions, np.zeros(0)).reshape(len(positions), len(self.bodies), _NUMBERS)
 
 
-def view_geometry(model_file: Path, assembly: Assembly) -> rig_pb2.RigDescription:
+def view_geometry(model_file: Path, assembly: Assembly, *, key: str) -> rig_pb2.RigDescription:
     """Return the drawn bodies, shapes and links of a rig's description.
 
     `model_file`: The SDF or URDF that the assembly's tree was read from. A visual that is not a box, cylinder, sphere
-    or mesh is left out, and a mesh that is not OBJ is drawn as its convex hull.
+    or mesh is left out, and a mesh that is not OBJ is drawn as its convex hull. `key`: Differs if model file or
+    assembly do; what was read for it before is taken from disk.
     """
+    # A mesh or an included model is a file of its own, which the key does not contain.
+    content = model_file.read_bytes()
+    if b"<mesh" in content or b"<include" in content:
+        return _drawn(model_file, assembly)
+    kept = cached_bytes(f"geometry {key}", lambda: _drawn(model_file, assembly).SerializeToString(deterministic=True))
+    return rig_pb2.RigDescription.FromString(kept)
+
+
+def _drawn(model_file: Path, assembly: Assembly) -> rig_pb2.RigDescription:
     tree = assembly.tree
     actuators = [
         (element, _joint_at(tree, element.joint_position))

@@ -9,6 +9,7 @@ from duralab_proto.arrays import from_array
 from duralab_proto.v1 import rig_pb2
 from rig_sim import shipped_specimens
 from rig_sim.bus import describe_rig
+from rig_sim.compile import FOLDER_VARIABLE
 from rig_sim.model.assembly import assemble
 from rig_sim.multibody.drake_reader import load_plant, read_tree
 from rig_sim.specimen.specimen import load_specimen
@@ -110,7 +111,9 @@ def test_the_left_and_the_right_are_mirror_images(described):
         np.testing.assert_allclose(here * [1.0, -1.0, 1.0], there, atol=1e-6)
 
 
-def test_boxes_spheres_and_meshes_of_a_specimen_of_ones_own_are_drawn(tmp_path):
+@pytest.fixture
+def own_specimen(tmp_path):
+    """SDF and assembly of a specimen with further visuals, among them a mesh."""
     path = shipped_specimens()["front_axle_compliant"]
     text = path.with_name("front_axle.sdf").read_text()
     body = text.index('<link name="rack">')
@@ -119,8 +122,11 @@ def test_boxes_spheres_and_meshes_of_a_specimen_of_ones_own_are_drawn(tmp_path):
     (tmp_path / "front_axle.yaml").write_text(path.read_text())
     (tmp_path / "tetrahedron.obj").write_text(CUBE)
     sdf = tmp_path / "front_axle.sdf"
-    assembly = assemble(load_specimen(tmp_path / "front_axle.yaml"), read_tree(load_plant(sdf)))
-    solids = {shape.name: shape for shape in view_geometry(sdf, assembly).shapes}
+    return sdf, assemble(load_specimen(tmp_path / "front_axle.yaml"), read_tree(load_plant(sdf)))
+
+
+def test_boxes_spheres_and_meshes_of_a_specimen_of_ones_own_are_drawn(own_specimen):
+    solids = {shape.name: shape for shape in view_geometry(*own_specimen, key="own").shapes}
     box, mesh = solids["a_box"].box, solids["a_mesh"].mesh
     np.testing.assert_allclose([box.x, box.y, box.z], [0.1, 0.2, 0.3])
     np.testing.assert_allclose(from_array(solids["a_box"].pose, field="pose")[:3], [0.0, 0.0, 0.5])
@@ -128,3 +134,22 @@ def test_boxes_spheres_and_meshes_of_a_specimen_of_ones_own_are_drawn(tmp_path):
     assert len(mesh.corners) == 3 * 4
     vertices = from_array(mesh.vertices, field="vertices")
     np.testing.assert_allclose(sorted(map(tuple, vertices)), [(0, 0, 0), (0, 0, 2), (0, 2, 0), (2, 0, 0)])
+
+
+def test_what_is_kept_on_disk_is_what_drake_read(front_axle, tmp_path, monkeypatch):
+    monkeypatch.setenv(FOLDER_VARIABLE, str(tmp_path))
+    sdf, assembly = shipped_specimens()["front_axle"].with_suffix(".sdf"), front_axle.model.assembly
+    read = view_geometry(sdf, assembly, key="own")
+    (kept,) = tmp_path.iterdir()
+    monkeypatch.setattr("rig_sim.view.Parser", None)
+    assert view_geometry(sdf, assembly, key="own") == read == front_axle.geometry
+    kept.write_bytes(kept.read_bytes()[:-1])
+    with pytest.raises(TypeError, match="not callable"):
+        view_geometry(sdf, assembly, key="own")
+
+
+def test_a_mesh_is_read_again(own_specimen):
+    before = view_geometry(*own_specimen, key="own")
+    mesh = own_specimen[0].with_name("tetrahedron.obj")
+    mesh.write_text(mesh.read_text().replace("v 1 0 0", "v 3 0 0"))
+    assert view_geometry(*own_specimen, key="own") != before

@@ -4,7 +4,7 @@ A model is written once with operators and the functions of :mod:`rig_sim.compil
 be checked, and compiled to be played.
 """
 
-from rig_sim.compile.code_cache import FOLDER_VARIABLE, cached_model
+from rig_sim.compile.code_cache import FOLDER_VARIABLE, cached_bytes, cached_model
 from rig_sim.compile.compiled_model import CompiledModel, Playback, Run, Steps
 from rig_sim.compile.integrate import Method, amplification
 from rig_sim.compile.lane_model import WIDTHS, LaneModel, widest_lanes
@@ -46,6 +46,7 @@ __all__ = [
     "asin",
     "at_once",
     "atan2",
+    "cached_bytes",
     "cached_model",
     "clamp",
     "compile_model",

@@ -1,7 +1,8 @@
 """Machine code of compiled models on disk, so that a rig that was compiled before starts at once.
 
 The name of a file is a hash of all that determines the code: the caller's key, the sources of this package, the
-compiler and the processor. Code from a file is proven against Drake like any other code, at every load.
+compiler and the processor. Code from a file is proven against Drake like any other code, at every load. What Drake
+read for a rig's view is kept in the same way.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import stat
 import sys
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -30,7 +32,10 @@ FOLDER_VARIABLE: Final = "DURALAB_CODE_CACHE"
 """Environment variable with another folder for the code; `off` disables the cache."""
 
 MOST_FILES: Final = 256
-"""Largest number of files; beyond it the least recently used are deleted. A rig has two of 300 kB, as a structure."""
+"""Largest number of files; beyond it the least recently used are deleted.
+
+A rig has two of 300 kB, as a structure, and a small one.
+"""
 
 _SUFFIX: Final = ".code"
 _COMPILERS: Final = ("llvmlite", "numpy", "drake")
@@ -80,7 +85,19 @@ def cached_module(text: str) -> CompiledModule:
     return _kept(text, lambda: compile_module(text), link=lambda code, _: link_module(code), describe=lambda _: {})
 
 
-_Made = TypeVar("_Made", CompiledModel, CompiledModule)
+def cached_bytes(key: str, make: Callable[[], bytes]) -> bytes:
+    """Return the bytes of a key: from the cache of this machine, or made and stored."""
+    return _kept(key, lambda: _Bytes(make()), link=lambda code, _: _Bytes(code), describe=lambda _: {}).code
+
+
+@dataclass(frozen=True)
+class _Bytes:
+    """Content of a file that is no machine code."""
+
+    code: bytes
+
+
+_Made = TypeVar("_Made", CompiledModel, CompiledModule, _Bytes)
 
 
 def _kept(

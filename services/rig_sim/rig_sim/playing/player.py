@@ -330,7 +330,7 @@ def load_rig(
         ),
         mounted=mounted,
         poses=Poses(tree, key=key),
-        geometry=view_geometry(sdf, model.assembly),
+        geometry=view_geometry(sdf, model.assembly, key=key),
         watchdogs=specimen.set_up_watchdogs(followed=followed, monitored=model.output_names[len(specimen.responses) :]),
         faults=tuple(faults),
     )

@@ -131,7 +131,11 @@ def kept_files(names, folder):
     for name in names:
         before = set(folder.iterdir()) if folder.exists() else set()
         load_any_rig(shipped_specimens()[name])
-        own = [file for file in set(folder.iterdir()) - before if "entries" not in head(file)]
+        own = [
+            file
+            for file in set(folder.iterdir()) - before
+            if "input_names" in head(file) and "entries" not in head(file)
+        ]
         files += sorted(own, key=lambda file: head(file)["input_names"] == [])
     return files
 
