@@ -62,7 +62,10 @@ def json_in_html(content: object) -> Markup:
     ">" and "&" are escaped; U+2028 and U+2029, which end a line of JavaScript, are escaped like all that is not ASCII.
     """
     text = json.dumps(content, separators=(",", ":"), allow_nan=False)
-    return Markup(text.translate({ord(character): f"\\u{ord(character):04x}" for character in "<>&"}))
+    # One after the other: `str.translate` takes ten times as long.
+    for character in "<>&":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Markup(text)
 
 
 def write_page(path: str | Path, page: Callable[[], str], *, read: Sequence[Path] = ()) -> Path:
