@@ -10,7 +10,7 @@ from test_cli import invoke
 
 import duralab
 
-DATA = Path(__file__).resolve().parents[2] / "libs" / "recordings" / "tests" / "data"
+DATA = Path(__file__).resolve().parents[3] / "libs" / "recordings" / "tests" / "data"
 OLD = DATA / "version1.mcap"
 SAID = json.loads((DATA / "version1.json").read_text())
 ORIGIN = " The limits to judge by were taken from the text of the campaign file in the recording."
