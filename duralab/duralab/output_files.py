@@ -14,6 +14,12 @@ OUTPUTS: Final = ("recording.mcap", "live.rrd", "report.html")
 """Files that a campaign leaves in its folder."""
 
 
+def recording_in(path: Path) -> Path:
+    """Return the recording in the folder of a campaign; another path as it is."""
+    inside = path / "recording.mcap"
+    return inside if inside.is_file() else path
+
+
 @contextmanager
 def replace_when_complete(path: Path) -> Iterator[Path]:
     """Yield a temporary path beside `path` and rename it to `path` at the end; delete it after an error."""

@@ -21,6 +21,14 @@ def test_figures_equal_those_that_were_written(recording_path, campaign):
     np.testing.assert_allclose(table.overall, np.sqrt(np.mean(campaign.errors**2, axis=1)))
 
 
+def test_the_folder_of_a_campaign_stands_for_its_recording(recording_path, tmp_path):
+    (tmp_path / "recording.mcap").hardlink_to(recording_path)
+    assert open_recording(tmp_path).path == tmp_path / "recording.mcap"
+    (tmp_path / "recording.mcap").unlink()
+    with pytest.raises(InputError, match="is a folder; give the path of an"):
+        open_recording(tmp_path)
+
+
 def test_signals_of_a_playback_equal_those_that_were_written(recording_path, campaign):
     playback = open_recording(recording_path).playback(3)
     np.testing.assert_array_equal(playback.drive.samples, campaign.drives[2])

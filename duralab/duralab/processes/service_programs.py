@@ -11,6 +11,7 @@ from typing import Final
 
 from duralab.errors import InputError, LabError
 from duralab.near_files import did_you_mean
+from duralab.output_files import recording_in
 from duralab_settings import open_regular
 
 _SECONDS: Final = 30.0
@@ -95,7 +96,8 @@ def rebuilt_view(recording: Path, target: Path, *, report: Callable[[str], None]
 
 
 def findings_of(recording: Path) -> list[str]:
-    """Check a whole recording; return a sentence for each defect."""
+    """Check a whole recording, or that in the folder of a campaign; return a sentence for each defect."""
+    recording = recording_in(recording)
     if not is_recording(recording):
         raise InputError(f"{recording} is a live view; give the recording.mcap beside it.")
     from duralab.processes.supervisor import require_services

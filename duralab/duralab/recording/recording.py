@@ -34,6 +34,7 @@ from duralab.data import (
     target_note,
 )
 from duralab.errors import InputError
+from duralab.output_files import recording_in
 from duralab.recording.files import RecordingFiles, SignalWindows, input_errors
 from duralab_proto.arrays import from_array
 from duralab_proto.decisions import decisions_in_force, revised_specification
@@ -63,7 +64,7 @@ class Recording:
     Parameters
     ----------
     path : str or Path
-        Path of the .mcap file.
+        Path of the .mcap file, or of the folder of a campaign with its recording.mcap.
 
     Raises
     ------
@@ -76,7 +77,7 @@ class Recording:
             raise InputError(f"The recording is {path!r}; give the path of an .mcap file, a text or a pathlib.Path.")
         if not str(path):
             raise InputError("There is no recording ''; give the path of an .mcap file.")
-        self.path = Path(path)
+        self.path = recording_in(Path(path))
         self._file = RecordingFiles(self.path)
 
     @property
@@ -572,7 +573,7 @@ def open_recording(path: str | Path) -> Recording:
     Parameters
     ----------
     path : str or Path
-        The .mcap file.
+        The .mcap file, or the folder of a campaign with its recording.mcap.
 
     Returns
     -------

@@ -11,6 +11,7 @@ from duralab.data import Signals
 from duralab.errors import InputError
 from duralab.formats import convert_units, read_signals
 from duralab.near_files import did_you_mean
+from duralab.output_files import recording_in
 from duralab.recording import Recording, open_recording
 from duralab_loads import channel_damage
 from duralab_schedules import Event, EventLoad, Schedule
@@ -121,7 +122,7 @@ def signals_in_si(path: Path) -> Signals:
 def _find(given: str, folder: Path, recordings: Path | None) -> Path:
     """Return the file of a drive given as a path, a campaign's folder, or the id of a recording."""
     path = folder / given
-    candidates = [path, path / "recording.mcap", *([recordings / f"{given}.mcap"] if recordings else [])]
+    candidates = [recording_in(path), *([recordings / f"{given}.mcap"] if recordings else [])]
     for candidate in candidates:
         if candidate.is_file():
             return candidate

@@ -34,9 +34,10 @@ def info(
     """Show the content of a signal file or a recording: channels, range, RMS, spectrum; campaign and playbacks."""
     from duralab.analysis import summarize
     from duralab.formats import LEFT_OUT, read_signals
+    from duralab.output_files import recording_in
     from duralab.recording import open_recording
 
-    output = Output(as_json)
+    output, file = Output(as_json), recording_in(file)
     if file.suffix.lower() == ".mcap" and from_format is None:
         recording = open_recording(file)
         parts = {name: summarize(signals) for name, signals in _parts(recording).items()}

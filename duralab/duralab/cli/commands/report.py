@@ -28,14 +28,14 @@ def report(
     from duralab.report import write_pdf, write_report
 
     opened = open_recording(recording)
-    path = out or recording.with_name("report.html")
+    path = out or opened.path.with_name("report.html")
     require_outputs([path, *([pdf] if pdf else [])], read=opened.files, replace=replace)
     write_report(opened, path)
     if pdf is not None:
         write_pdf(opened, pdf)
     output = Output(as_json)
     output.say(*page_lines("Report", path, pdf=pdf))
-    output.document({"report": path, "recording": recording, "bytes": path.stat().st_size, "pdf": pdf})
+    output.document({"report": path, "recording": opened.path, "bytes": path.stat().st_size, "pdf": pdf})
 
 
 def compare(
