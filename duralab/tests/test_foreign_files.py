@@ -201,6 +201,9 @@ def test_channels_that_are_left_out_are_named(tmp_path):
     assert read_signals(texts).attributes == {LEFT_OUT: "Channels that are not real numbers are left out: gear."}
     for command in (["info", texts], ["convert", path, tmp_path / "a.csv"]):
         assert "Channels that are not real numbers are left out" in invoke(*command)[1]
+    # The copy holds all of its channels.
+    write_signals(signals, tmp_path / "copy.tdms")
+    assert read_signals(tmp_path / "copy.tdms").attributes == {}
 
 
 def test_mdf_samples_that_are_marked_invalid_are_refused(tmp_path):

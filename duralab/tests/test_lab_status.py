@@ -115,10 +115,11 @@ def test_a_display_has_a_bar_for_each_stage_and_says_the_error_so_far(capsys):
     made = synthetic_campaign.make(seconds=4.0, iterations=2)
     table = IterationTable.from_messages([synthetic_campaign.metrics(made, row) for row in range(2)])
     with RunDisplay(Console(soft_wrap=True, force_terminal=True, width=200), iterations=7) as display:
+        display.show(RunProgress(Stage.TARGET, "One channel is left out.", 0.0, -1.0, lasting=True))
         display.show(RunProgress(Stage.TARGET, "driving", 0.5, 3.0))
         display.show(RunProgress(Stage.CAMPAIGN, "playing 3", 0.4, 65.0, table))
     shown = capsys.readouterr().out
-    assert "target" in shown
+    assert shown.count("target: One channel is left out.") == 1
     assert "1:05 left" in shown
     assert f"playing 3 · 2/7 played, error {table.overall[-1]:.3f}" in shown
     with RunDisplay(Console(soft_wrap=True), stages=(Stage.IDENTIFICATION,)) as display:

@@ -12,6 +12,7 @@ from duralab.errors import InputError
 from duralab.sweeps import load_sweep, shipped_sweeps
 from duralab.sweeps.points import PointMaker, grid, grid_size
 from duralab.sweeps.specimens import Specimens, change, look_up
+from duralab_settings import dump_yaml, parse_yaml
 
 SPECIMEN = """
 name: beam
@@ -26,7 +27,7 @@ def sweep(tmp_path):
     def load(**sections):
         document = {"name": "mine", "campaign": "front_axle_demo", **sections}
         path = tmp_path / "mine.yaml"
-        path.write_text(yaml.safe_dump(document))
+        path.write_text(dump_yaml(document))
         return load_sweep(path)
 
     return load
@@ -132,6 +133,16 @@ def test_too_many_points_are_refused(sweep):
     plan = sweep(axes={"seed": {"from": 1, "count": 1000}, "target.speed": [float(i) for i in range(1, 102)]})
     with pytest.raises(InputError, match="101000 points"):
         grid_size(plan)
+
+
+def test_a_text_like_a_number_of_yaml_1_2_stays_a_text_in_a_point(sweep, tmp_path):
+    (tmp_path / "beam.yaml").write_text(f'{SPECIMEN}description: "1e3"\n')
+    specimens = Specimens(sweep(specimens={"beam": "beam.yaml"}, axes={"seed": [1]}))
+    _, (text,) = specimens.of(["beam"], {})
+    assert parse_yaml(text.text) == specimens.document("beam")
+    assert parse_yaml(text.text)["description"] == "1e3"
+    (point,) = points(sweep(axes={"target.edit": [[{"remove_mean": {"channels": ["1e3"]}}]]}))
+    assert parse_yaml(point.campaign)["target"]["edit"] == [{"remove_mean": {"channels": ["1e3"]}}]
 
 
 def test_specimens_are_changed_by_name_and_told_apart(sweep, tmp_path):

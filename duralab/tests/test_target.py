@@ -1,3 +1,6 @@
+import re
+
+import nptdms
 import numpy as np
 import pytest
 import synthetic_campaign
@@ -7,8 +10,12 @@ from test_campaign_file import changed
 from duralab.campaign import parse_campaign
 from duralab.data import Rig, Signals, StepRecord
 from duralab.errors import InputError
+from duralab.lab.campaign_starting import made_target
+from duralab.lab.client import FOREVER
+from duralab.report.provenance import target_step_rows
 from duralab.target import describe_target, make_target, read_target_file
 from duralab.target.making import road_inputs
+from duralab_proto.v1 import iterator_pb2
 
 RIG = Rig.from_message(describe("front_axle"))
 VEHICLE = Rig.from_message(describe("predecessor"))
@@ -137,6 +144,26 @@ def test_channels_of_a_file_get_the_names_units_and_signs_of_the_rig(tmp_path):
     # The pound-force is 4.4482216152605 N by definition.
     expected = [-1e3 * values[2], 10.0 * values[1], 4.4482216152605 * values[0], -1e3 * values[4], values[3], values[6]]
     np.testing.assert_allclose(samples, expected, rtol=1e-12)
+
+
+def test_what_the_reader_of_a_file_left_out_is_in_the_record_of_reading_it(tmp_path):
+    path = tmp_path / "road.tdms"
+    step = {"wf_increment": 0.001, "unit_string": "N"}
+    rows = [*((name, np.arange(5.0)) for name in synthetic_campaign.NAMES), ("gear", np.ones(5, dtype=bool))]
+    with nptdms.TdmsWriter(path) as writer:
+        writer.write_segment([nptdms.ChannelObject("g", name, row, properties=step) for name, row in rows])
+    sentence = "Channels that are not real numbers are left out: gear."
+    (record,) = from_file(path).records
+    assert record.finding.count("left out") == 1
+    assert record.finding.endswith(f". {sentence}")
+    assert StepRecord.from_message(record.to_message()) == record
+    (row,) = target_step_rows(iterator_pb2.CampaignSpec(target_steps=[record.to_message()]))
+    assert row.finding == f"see the table below. {sentence}".rstrip(".")
+    told, plan = [], campaign_with("target", {"file": str(path)})
+    made_target(None, plan, rig=RIG, id="x", on_progress=told.append, deadline=FOREVER)
+    assert [(progress.activity, progress.lasting) for progress in told] == [(sentence, True)]
+    with pytest.raises(InputError, match=rf"lacks gear for left_lateral; .* {re.escape(sentence)}$"):
+        from_file(path, channels={"left_lateral": "gear"})
 
 
 CALCULATED = [

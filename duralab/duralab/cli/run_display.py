@@ -75,7 +75,7 @@ class RunDisplay:
             description=text,
             remaining=remaining_words(progress.remaining_seconds),
         )
-        if not self._console.is_terminal and text != self._last_line:
+        if (not self._console.is_terminal and text != self._last_line) or progress.lasting:
             self._last_line = text
             self._console.print(f"{progress.stage}: {text}", highlight=False, markup=False)
         self._show_proposal(progress)

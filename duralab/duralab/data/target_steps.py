@@ -77,7 +77,8 @@ class StepRecord:
     `name`: Name in the campaign file, e.g. "cut". `settings`: All of its settings, defaults too, as YAML on one line.
     `samples_before`, `samples_after`: Number of samples of each channel. `sample_rate_before`, `sample_rate_after`:
     Sample rates in hertz. `channels`: Records in the target's order. `sections`: Start and end of the kept sections, in
-    seconds of the target before the step, if it kept sections.
+    seconds of the target before the step, if it kept sections. `left_out`: Sentence that names the channels of a file
+    that its reader left out; empty if it read all of them.
     """
 
     name: str
@@ -88,6 +89,7 @@ class StepRecord:
     sample_rate_after: float
     channels: tuple[ChannelRecord, ...]
     sections: tuple[tuple[float, float], ...] = ()
+    left_out: str = ""
 
     @property
     def seconds_before(self) -> float:
@@ -104,7 +106,7 @@ class StepRecord:
         """Effect of the step as text, e.g. "60 s became 12.5 s; energy removed: 1.2 to 8 %"."""
         read = [f"{channel.channel}: {channel.source}" for channel in self.channels if channel.source is not None]
         if read:
-            return "; ".join(read)
+            return f"{'; '.join(read)}{f'. {self.left_out}' if self.left_out else ''}"
         parts = []
         if self.sample_rate_before != self.sample_rate_after:
             parts.append(f"{self.sample_rate_before:g} Hz became {self.sample_rate_after:g} Hz")
@@ -137,6 +139,7 @@ class StepRecord:
             samples_after=self.samples_after,
             sample_rate_before=self.sample_rate_before,
             sample_rate_after=self.sample_rate_after,
+            left_out=self.left_out,
         )
         for channel in self.channels:
             message.channels.add(
@@ -171,6 +174,7 @@ class StepRecord:
                 for entry in message.channels
             ),
             sections=tuple((section.start_seconds, section.end_seconds) for section in message.sections),
+            left_out=message.left_out,
         )
 
 

@@ -275,9 +275,13 @@ def write_signals(
     InputError
         The file already exists, or the format cannot store these signals.
     """
+    from duralab.formats.columns import LEFT_OUT
+
     path = Path(path)
     form = format_of(path, format)
     _require_writable(signals, path)
+    # The sentence is about the file that was read; the new one holds all channels.
+    signals = replace(signals, attributes={key: text for key, text in signals.attributes.items() if key != LEFT_OUT})
     arguments = (_rpc3_settings(data_type, form),) if data_type is not None else ()
     require_outputs([path], replace=overwrite)
     writer = _writer(form)

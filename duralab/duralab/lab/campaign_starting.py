@@ -121,7 +121,7 @@ def specified(
     on_progress(RunProgress(Stage.TARGET, "asking the rigs", 0.0, -1.0))
     rig = lab.describe(plan.rig)
     for sentence in rig.overdue:
-        on_progress(RunProgress(Stage.TARGET, sentence, 0.0, -1.0))
+        on_progress(RunProgress(Stage.TARGET, sentence, 0.0, -1.0, lasting=True))
     check_against_rig(plan, rig)
     made = target or made_target(lab, plan, rig=rig, id=id, on_progress=on_progress, deadline=deadline)
     on_progress(RunProgress(Stage.TARGET, "target made", 1.0, 0.0))
@@ -171,4 +171,6 @@ def made_target(
 
     with span("make the target", SpanKind.MATHEMATICS):
         edited = make_target(plan, rig=rig, vehicle=vehicle, play=drive_road)
+    for sentence in (record.left_out for record in edited.records if record.left_out):
+        on_progress(RunProgress(Stage.TARGET, sentence, 0.0, -1.0, lasting=True))
     return MadeTarget(edited, driven[0] if driven else None)

@@ -43,7 +43,7 @@ def make_pre_test(
         on_progress(RunProgress(Stage.PRE_TEST, activity, progress.fraction, progress.remaining_seconds))
 
     for sentence in rig.overdue:
-        on_progress(RunProgress(Stage.PRE_TEST, sentence, 0.0, -1.0))
+        on_progress(RunProgress(Stage.PRE_TEST, sentence, 0.0, -1.0, lasting=True))
     key = ask.key("rig", ask.bus.keys.pre_test, rig.name)
     with halting(ask, rig.name, deadline):
         answer = ask.query(

@@ -52,6 +52,8 @@ class RunProgress:
         Proposal on which the campaign waits for a decision, without samples; None if it does not wait.
     campaign : str
         Id of the campaign; empty for other runs.
+    lasting : bool
+        True if the activity is a sentence that stays in view, such as a warning.
     """
 
     stage: Stage
@@ -61,6 +63,7 @@ class RunProgress:
     iterations: IterationTable | None = None
     hold: Proposal | None = None
     campaign: str = ""
+    lasting: bool = False
 
     def __str__(self) -> str:
         """Return a description as text."""

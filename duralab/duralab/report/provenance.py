@@ -82,7 +82,9 @@ def target_step_rows(specification: iterator_pb2.CampaignSpec) -> list[TargetSte
             settings="–" if record.settings == "{}" else record.settings,
             before=f"{record.seconds_before:g} s, {record.sample_rate_before:g} Hz",
             after=f"{record.seconds_after:g} s, {record.sample_rate_after:g} Hz",
-            finding="see the table below" if record.name == READ_FILE else record.finding,
+            finding=f"see the table below. {record.left_out}".rstrip(". ")
+            if record.name == READ_FILE
+            else record.finding,
         )
         for number, record in enumerate(records, start=0 if records and records[0].name == READ_FILE else 1)
     ]

@@ -15,9 +15,9 @@ from typing import Any, Final
 
 from duralab.campaign import Campaign, load_campaign, parse_campaign
 from duralab.errors import InputError
-from duralab.sweeps.specimens import SPECIMEN, Specimens, SpecimenText, change, dump_yaml, look_up
+from duralab.sweeps.specimens import SPECIMEN, Specimens, SpecimenText, change, look_up
 from duralab.sweeps.sweep_file import MOST_POINTS, Counted, Scaled, Settings, Sweep
-from duralab_settings import HoldPoint, new_key, open_regular, parse_yaml, with_new_keys
+from duralab_settings import HoldPoint, dump_yaml, new_key, open_regular, parse_yaml, with_new_keys
 
 _DISTRIBUTIONS: Final = (
     "duralab",

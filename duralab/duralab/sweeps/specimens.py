@@ -12,11 +12,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
-
 from duralab.errors import InputError, LabError
 from duralab.sweeps.sweep_file import Sweep
-from duralab_settings import parse_yaml, read_yaml_text, require_regular
+from duralab_settings import dump_yaml, parse_yaml, read_yaml_text, require_regular
 
 NAME = "name"
 """Key by which an entry of a list is found."""
@@ -115,12 +113,6 @@ class SpecimenText:
         path = own / f"{self.rig}.yaml"
         path.write_text(self.text, encoding="utf-8")
         return path
-
-
-def dump_yaml(document: Mapping[str, Any]) -> str:
-    """Return a document as YAML; uses libyaml if available, because a sweep dumps three for each point."""
-    dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
-    return yaml.dump(document, Dumper=dumper, sort_keys=False)
 
 
 class Specimens:

@@ -82,6 +82,8 @@ def _read_record(
     calculated: Sequence[CalculatedChannel],
 ) -> StepRecord:
     """Return the record of reading the responses from the channels of a file."""
+    from duralab.formats import LEFT_OUT
+
     stated = {name: channel.model_dump(mode="json", exclude_none=True) for name, channel in channels.items()}
     made = [one.model_dump(mode="json", exclude_none=True, exclude_defaults=True) for one in calculated]
     settings = {"file": path.name, **({"channels": stated} if stated else {}), **({"calculated": made} if made else {})}
@@ -96,6 +98,7 @@ def _read_record(
             ChannelRecord(response.name, 0.0, source=_source_record(given, target, row, channels.get(response.name)))
             for row, response in enumerate(target.channels)
         ),
+        left_out=given.attributes.get(LEFT_OUT, ""),
     )
 
 
@@ -141,9 +144,11 @@ def map_channels(
         if wanted.source not in signals.names and (name in given or name not in watched)
     ]
     if missing:
-        raise InputError(
-            _missing(missing, asked=asked, given=signals.names, source=source, remedy=remedy), field="target.channels"
-        )
+        from duralab.formats import LEFT_OUT
+
+        said = _missing(missing, asked=asked, given=signals.names, source=source, remedy=remedy)
+        left_out = signals.attributes.get(LEFT_OUT, "")
+        raise InputError(f"{said} {left_out}".rstrip(), field="target.channels")
     rows = []
     for response in rig.responses:
         wanted = asked[response.name]

@@ -9,8 +9,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-import yaml
-
 from duralab.conformance import Finding, check_rig
 from duralab.errors import InputError, LabError
 from duralab.lab import Lab, RecordingsPlace
@@ -18,6 +16,7 @@ from duralab.processes import Supervisor, lab_services
 from duralab_bus import Bus, BusConfig, FaultError, open_bus
 from duralab_drive_files import read_controller_map
 from duralab_gateway import SERVICE, Approach, GatewayConfig, Rig, serving
+from duralab_settings import dump_yaml
 
 FOREIGN_RIG = "stranger"
 """Name of the rig of the foreign gateway."""
@@ -177,7 +176,7 @@ def file_gateway(controller_map: Path, endpoint: str, *, folder: Path) -> Iterat
     folder.mkdir(parents=True, exist_ok=True)
     config = folder / "file_rig.yaml"
     settings = {"maps": [str(controller_map.resolve())], "spool_folder": str((folder / "spool").resolve())}
-    config.write_text(yaml.safe_dump({"bus": {"connect": [endpoint]}, "exit_with_parent": True, **settings}))
+    config.write_text(dump_yaml({"bus": {"connect": [endpoint]}, "exit_with_parent": True, **settings}))
     with ExitStack() as stack:
         log = stack.enter_context((folder / "file_rig.log").open("ab"))
         command = [sys.executable, "-m", "file_rig", "--config", str(config)]

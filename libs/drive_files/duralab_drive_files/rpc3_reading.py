@@ -188,6 +188,10 @@ def _scales(header: Header, layout: Layout) -> np.ndarray:
     if header.choice("DATA_TYPE", DataType, DataType.SHORT_INTEGER) is DataType.SHORT_INTEGER:
         for row in range(layout.channels):
             scale = header.real(f"SCALE.CHAN_{row + 1}", "what one integer is worth")
+            if scale == 0.0:
+                raise header.error(
+                    f"SCALE.CHAN_{row + 1}", "a number other than 0 (0 makes every sample of the channel 0)"
+                )
             if not math.isfinite(scale * 2**15):
                 raise header.error(f"SCALE.CHAN_{row + 1}", "a value whose full scale is finite")
             scales[row] = scale

@@ -59,7 +59,8 @@ def filter_zero_phase(
     Raises
     ------
     ValueError
-        If the number of corners, a corner or the order is not allowed.
+        If the number of corners, a corner or the order is not allowed, or the record is no longer than the filter takes
+        to settle.
 
     Notes
     -----
@@ -97,5 +98,10 @@ def filter_zero_phase(
     )
     slowest = max(float(np.abs(np.roots(section[3:])).max()) for section in sections)
     settling = int(np.ceil(np.log(_SETTLED) / np.log(min(max(slowest, 0.5), 1.0 - 1e-9))))
-    extension = min(settling, record.shape[1] - 1)
-    return np.ascontiguousarray(signal.sosfiltfilt(sections, record, axis=-1, padtype="odd", padlen=extension))
+    if settling >= record.shape[1]:
+        raise ValueError(
+            f"The filter takes {settling / sample_rate:.3g} s to settle and the record lasts "
+            f"{record.shape[1] / sample_rate:.3g} s; it must be longer, so lower the order, move the corners away from "
+            "0 Hz and from each other, or filter a longer record."
+        )
+    return np.ascontiguousarray(signal.sosfiltfilt(sections, record, axis=-1, padtype="odd", padlen=settling))

@@ -64,6 +64,13 @@ def test_a_slow_high_pass_filter_settles_within_the_record():
     assert np.abs(filtered - np.sin(2 * np.pi * 5.0 * time)).max() < 0.05
 
 
+def test_a_record_must_last_longer_than_a_filter_takes_to_settle():
+    settings = {"sample_rate": RATE, "kind": FilterKind.HIGH_PASS, "corners": [0.5]}
+    with pytest.raises(ValueError, match=r"takes 5\.75 s to settle and the record lasts 5\.75 s"):
+        filter_zero_phase(np.ones((1, 5746)), **settings)
+    assert np.abs(filter_zero_phase(np.ones((1, 5747)), **settings)).max() < 1e-9
+
+
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
@@ -71,6 +78,8 @@ def test_a_slow_high_pass_filter_settles_within_the_record():
         ({"kind": FilterKind.LOW_PASS, "corners": [1.0, 2.0]}, "has 1 corners and was given 2"),
         ({"kind": FilterKind.BAND_PASS, "corners": [40.0, 10.0]}, "from 40 to 10 Hz; the first must be lower"),
         ({"kind": FilterKind.LOW_PASS, "corners": [5.0], "order": 13}, "order is 13; it must be 1 to 12"),
+        ({"kind": FilterKind.HIGH_PASS, "corners": [0.5]}, r"takes 5\.75 s to settle and the record lasts 0\.05 s;"),
+        ({"kind": FilterKind.HIGH_PASS, "corners": [1e-9]}, r"takes 6\.91e\+06 s to settle"),
     ],
 )
 def test_a_filter_that_cannot_be_is_refused(settings, sentence):

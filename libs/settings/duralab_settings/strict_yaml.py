@@ -50,6 +50,12 @@ _FIRST_OF_NUMBERS: Final = "-+.0123456789"
 #: Safe loader, in C if PyYAML was built with it: 20 times faster on a specimen.
 _SafeLoader: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
+#: Safe dumper, in C if PyYAML was built with it: 3 times faster; a sweep writes three documents for each point.
+_SafeDumper: Any = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+_WIDEST: Final = 2**31 - 1
+"""Largest width that the dumper in C takes."""
+
 
 def _resolvers(library: Any) -> dict[str, list[tuple[str, re.Pattern[str]]]]:
     """Return the patterns of PyYAML by first character, with the numbers as read here."""
@@ -82,10 +88,10 @@ class _StrictLoader(_SafeLoader):
             raise _marked(f"{_quoted(node.value)} cannot be read as {kind} ({error})", node) from error
 
 
-class _StrictDumper(yaml.SafeDumper):
+class _StrictDumper(_SafeDumper):
     """Dumper that quotes a text which the loader would read as a number, such as "1e3"."""
 
-    yaml_implicit_resolvers = _resolvers(yaml.SafeDumper)
+    yaml_implicit_resolvers = _resolvers(_SafeDumper)
 
 
 def _check_number(node: yaml.ScalarNode) -> None:
@@ -127,7 +133,7 @@ def dump_yaml(content: Any, *, sort_keys: bool = False, flow: bool = False, widt
         Dumper=_StrictDumper,
         sort_keys=sort_keys,
         default_flow_style=flow,
-        width=width,  # pyright: ignore[reportArgumentType] -- math.inf is allowed
+        width=int(min(width, _WIDEST)),
         allow_unicode=True,
     )
 

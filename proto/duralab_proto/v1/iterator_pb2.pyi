@@ -306,7 +306,7 @@ class TargetSection(_message.Message):
     def __init__(self, start_seconds: _Optional[float] = ..., end_seconds: _Optional[float] = ...) -> None: ...
 
 class TargetStep(_message.Message):
-    __slots__ = ("name", "settings", "finding", "samples_before", "samples_after", "sample_rate_before", "sample_rate_after", "channels", "sections")
+    __slots__ = ("name", "settings", "finding", "samples_before", "samples_after", "sample_rate_before", "sample_rate_after", "channels", "sections", "left_out")
     NAME_FIELD_NUMBER: _ClassVar[int]
     SETTINGS_FIELD_NUMBER: _ClassVar[int]
     FINDING_FIELD_NUMBER: _ClassVar[int]
@@ -316,6 +316,7 @@ class TargetStep(_message.Message):
     SAMPLE_RATE_AFTER_FIELD_NUMBER: _ClassVar[int]
     CHANNELS_FIELD_NUMBER: _ClassVar[int]
     SECTIONS_FIELD_NUMBER: _ClassVar[int]
+    LEFT_OUT_FIELD_NUMBER: _ClassVar[int]
     name: str
     settings: str
     finding: str
@@ -325,7 +326,8 @@ class TargetStep(_message.Message):
     sample_rate_after: float
     channels: _containers.RepeatedCompositeFieldContainer[TargetStepChannel]
     sections: _containers.RepeatedCompositeFieldContainer[TargetSection]
-    def __init__(self, name: _Optional[str] = ..., settings: _Optional[str] = ..., finding: _Optional[str] = ..., samples_before: _Optional[int] = ..., samples_after: _Optional[int] = ..., sample_rate_before: _Optional[float] = ..., sample_rate_after: _Optional[float] = ..., channels: _Optional[_Iterable[_Union[TargetStepChannel, _Mapping]]] = ..., sections: _Optional[_Iterable[_Union[TargetSection, _Mapping]]] = ...) -> None: ...
+    left_out: str
+    def __init__(self, name: _Optional[str] = ..., settings: _Optional[str] = ..., finding: _Optional[str] = ..., samples_before: _Optional[int] = ..., samples_after: _Optional[int] = ..., sample_rate_before: _Optional[float] = ..., sample_rate_after: _Optional[float] = ..., channels: _Optional[_Iterable[_Union[TargetStepChannel, _Mapping]]] = ..., sections: _Optional[_Iterable[_Union[TargetSection, _Mapping]]] = ..., left_out: _Optional[str] = ...) -> None: ...
 
 class FirstDrive(_message.Message):
     __slots__ = ("drive", "response", "source", "of_this_target")

@@ -1,5 +1,6 @@
 """The static gain against plants whose gain at rest is known."""
 
+import math
 import re
 
 import numpy as np
@@ -48,6 +49,23 @@ def test_a_response_that_had_not_settled_is_reported_and_a_longer_hold_is_the_re
     assert all("static_hold" in warning.sentence for warning in warnings if "held for 1 s" in warning.sentence)
     assert np.max(static.unsettled) > 0.02
     assert not [warning for warning in measured(8.0, seconds=0.5)[1] if "held for" in warning.sentence]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "change", "share"),
+    [(0.8, 0.0318, 0.972), (2.0, 0.188, 0.723), (3.3, 0.301, 0.5), (math.inf, 1.0, None)],
+)
+def test_a_change_of_30_percent_in_the_used_half_of_a_hold_of_4_s_is_half_of_the_gain_at_rest(seconds, change, share):
+    # The largest change that the iterator allows in a band from 0 Hz. Nothing holds the last plant: it rises evenly.
+    message = multisine(excitation__static_hold=4.0)
+    settings, experiment = settings_of(message), plan(message)
+    drive = experiment.drive.copy()
+    drive[:, : experiment.layout.samples] = 0.0
+    response = GAIN @ np.cumsum(drive, axis=1) / RATE if share is None else lag(drive, seconds)
+    static = measured_static_gain(drive, response, settings.excitation, sample_rate=RATE)
+    np.testing.assert_allclose(static.unsettled, change, atol=2e-3)
+    if share is not None:
+        assert static.gain[0, 0] / GAIN[0, 0] == pytest.approx(share, abs=0.02)
 
 
 def test_a_static_gain_that_does_not_continue_the_frf_is_reported_with_the_lowest_line():

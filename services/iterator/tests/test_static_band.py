@@ -5,7 +5,7 @@ import pytest
 
 from duralab_bus import FaultError
 from duralab_proto.arrays import from_array, to_array
-from duralab_proto.v1 import array_pb2, query_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, query_pb2
 from duralab_settings import StopCriteria, UpdateKind
 from iterator import (
     CampaignSettings,
@@ -19,10 +19,11 @@ from iterator import (
     rig_model,
 )
 from iterator.assessment import standstills
-from iterator.campaign import plan_campaign
+from iterator.campaign import checked_model, plan_campaign
+from iterator.campaign.static_part import require_settled
 
 from .linear_plants import SAMPLE_RATE, frequency_response, impulse_responses, noise_target, play
-from .linear_rig import STATIC, description, experiment_plan, specification
+from .linear_rig import STATIC, description, exact_model, experiment_plan, specification
 
 H = impulse_responses()
 SAMPLES = 8001
@@ -255,3 +256,28 @@ def test_a_watched_response_may_be_ac_coupled():
     spec.update.iteration_gain.CopyFrom(to_array(np.array([0.5, 0.5, 0.5])))
     spec.update.weights.CopyFrom(to_array(np.array([1.0, 1.0, 0.0])))
     assert plan_campaign(spec, rig, experiment_plan(spec)).settings.update.band.lowest == 0.0
+
+
+@pytest.mark.parametrize("change", [None, [0.0, 0.3], [0.31, 0.0], [0.05, 1.0], [np.nan, 0.0]])
+def test_a_band_from_0_is_refused_where_a_response_did_not_come_to_rest_in_the_holds(change):
+    spec, rig = static_campaign()
+    plan = plan_campaign(spec, rig, experiment_plan(spec))
+    model = exact_model(identifier_pb2.IdentifyRequest(rig=spec.rig, run="one", estimator=spec.estimator))
+    model.static_gain.CopyFrom(to_array(H.sum(axis=2)))
+    if change is not None:
+        model.static_change.CopyFrom(to_array(np.array(change)))
+    if change is None or max(change) <= 0.3:
+        assert checked_model(model, plan=plan).frf.shape[1:] == (2, 2)
+        return
+    with pytest.raises(FaultError) as caught:
+        checked_model(model, plan=plan)
+    if not np.isfinite(change).all():
+        assert "damaged model" in caught.value.message
+        return
+    moving = "left_vertical by 31%" if change[0] > 0.3 else "right_vertical by 100%"
+    assert (caught.value.field, caught.value.code) == ("lowest_frequency", query_pb2.FAULT_CODE_FAILED_PRECONDITION)
+    said = f"while each drive was held for 4 s: {moving} of the step in the second half, and 30% is allowed"
+    assert said in caught.value.message
+    assert "hold the drives longer (excitation.static_hold)" in caught.value.message
+    # A watched response may move.
+    require_settled(model, spec=spec, description=rig, controlled=np.array(change) <= 0.3)

@@ -11,7 +11,6 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-import yaml
 from pydantic import ValidationError
 
 from duralab import Campaign, Catalogue, InputError, Rig
@@ -77,7 +76,7 @@ class PageFiles:
 
     @staticmethod
     def _as_document(plan: Campaign) -> dict[str, Any]:
-        return yaml.safe_load(yaml.safe_dump(plan.model_dump(mode="json", exclude_unset=True)))
+        return parse_yaml(dump_yaml(plan.model_dump(mode="json", exclude_unset=True)))
 
     def checked(self, document: Mapping[str, Any], rig: Rig | None) -> tuple[Campaign, str]:
         """Check a document as the command line checks a file; return the campaign, and the text of that file."""

@@ -136,6 +136,7 @@ def model_of(
                 ),
             ),
             static_gain=None if static is None else static.gain,
+            static_change=None if static is None else static.unsettled,
             verdicts=verdicts,
             distortion=None if levels is None else _distortion(levels),
             drive_map=drive_map,

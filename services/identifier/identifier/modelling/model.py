@@ -72,6 +72,9 @@ class IdentifiedModel:
         of slope 3, 5 and 8; None in a model of an older recording.
     static_gain
         Shape (responses, drives), response unit per drive unit; None if the experiment does not measure it.
+    static_change
+        Shape (responses): change during the used half of the holds over the largest step; None if the experiment does
+        not measure it, and in a model of an older recording.
     id
         Hash of all other fields; empty before `with_id`.
     """
@@ -105,6 +108,7 @@ class IdentifiedModel:
     drive_map: identifier_pb2.DriveMap | None = None
     response_damage: NDArray[np.float64] | None = None
     static_gain: NDArray[np.float64] | None = None
+    static_change: NDArray[np.float64] | None = None
     id: str = ""
 
     def to_mapped(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -193,6 +197,7 @@ def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
         drive_map=model.drive_map,
         response_damage=None if model.response_damage is None else to_array(model.response_damage),
         static_gain=None if model.static_gain is None else to_array(model.static_gain),
+        static_change=None if model.static_change is None else to_array(model.static_change),
     )
 
 
@@ -263,6 +268,9 @@ def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
         response_damage=_response_damage(message),
         static_gain=from_array(message.static_gain, field="static_gain", shape=(n_y, n_u), dtype=np.float64)
         if message.HasField("static_gain")
+        else None,
+        static_change=from_array(message.static_change, field="static_change", shape=(n_y,), dtype=np.float64)
+        if message.HasField("static_change")
         else None,
     )
 

@@ -16,6 +16,7 @@ from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2,
 from iterator.assessment import Forecast, IterationMetrics, Outcome
 from iterator.campaign.plan import CampaignPlan
 from iterator.campaign.remarks import remarks_of
+from iterator.campaign.static_part import require_settled
 from iterator.limits import require_rest_within_limits
 from iterator.model import ModelUncertainty, RigModel, rig_model
 from iterator.playbacks import Iteration, MapFromFirstPlayback, RecordedPlayback
@@ -201,6 +202,8 @@ def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigMode
         static_gain = None
         if plan.settings.update.band.lowest == 0.0:
             static_gain = from_array(model.static_gain, field="static_gain", shape=shape[1:], dtype=np.float64)
+            controlled = plan.response_weight > 0.0
+            require_settled(model, spec=plan.spec, description=description, controlled=controlled)
     except ArrayError as error:
         raise _damaged(f"The identifier answered a damaged model: {error}", field=error.field) from error
     try:

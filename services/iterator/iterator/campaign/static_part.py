@@ -9,12 +9,17 @@ from numpy.typing import NDArray
 
 from duralab_bus import FaultError
 from duralab_proto.arrays import from_array
-from duralab_proto.v1 import array_pb2, iterator_pb2, query_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
 from duralab_spectra import rms
 from iterator.band import TARGET_FADE_SECONDS, ControlBand
 
 # Relative to the RMS of the target in the band; smaller static parts are not reported.
 _REPORTED_SHARE: Final = 0.1
+# Share of a response's largest step. A response that settles exponentially and changes by so much between the third and
+# the last quarter of a hold of 4 s comes to rest at twice the step that is used. Beyond it, a model with the measured
+# gain asks for drives of more than twice the size, and playbacks with the whole correction diverge at 0 Hz. A response
+# that nothing holds rises evenly and changes by 100 %.
+_LARGEST_CHANGE: Final = 0.3
 # For a specimen at rest these are 0, for any held drives.
 _ZERO_AT_REST: Final = {
     array_pb2.CHANNEL_KIND_ACCELERATION: "is an acceleration, which is 0 at rest",
@@ -56,6 +61,38 @@ def require_static_hold(
             "The control band begins at 0 Hz and the excitation has static_hold 0, so that the static gain would not "
             "be measured; hold each drive as long as the rig needs to settle, e.g. 4 s.",
             field="excitation.static_hold",
+        )
+
+
+def require_settled(
+    model: identifier_pb2.Model,
+    *,
+    spec: iterator_pb2.CampaignSpec,
+    description: rig_pb2.RigDescription,
+    controlled: NDArray[np.bool_],
+) -> None:
+    """Refuse a control band from 0 Hz where a response kept changing while the drives were held.
+
+    `model`: As received, untrusted; one of an older recording does not state the change and is not checked.
+    `controlled`, shape (n_y,): As for `require_static_hold`.
+    Raises `FaultError`: FAILED_PRECONDITION with the field `lowest_frequency`. `ArrayError`: The array is damaged.
+    """
+    if not model.HasField("static_change"):
+        return
+    shape = (len(description.responses),)
+    change = from_array(model.static_change, field="static_change", shape=shape, dtype=np.float64)
+    moving = [
+        f"{channel.name} by {share:.0%}"
+        for channel, share, counts in zip(description.responses, change, controlled, strict=True)
+        if counts and share > _LARGEST_CHANGE
+    ]
+    if moving:
+        raise _not_static(
+            f"responses of rig {description.rig!r} still changed while each drive was held for "
+            f"{spec.excitation.static_hold:g} s: {', '.join(moving)} of the step in the second half, and "
+            f"{_LARGEST_CHANGE:.0%} is allowed, beyond which the gain at rest is more than twice the measured one or "
+            "the rig does not hold them: begin above 0 Hz, hold the drives longer (excitation.static_hold), or watch "
+            "these responses only"
         )
 
 
