@@ -236,6 +236,24 @@ finally:
         assert done.stdout.splitlines()[-1] == "written"
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of Windows report no reader that is gone")
+@pytest.mark.parametrize(
+    ("arguments", "code"), [(["--help"], 141), (["--version"], 141), (["doctor"], 141), (["run", "nowhere.yaml"], 2)]
+)
+@pytest.mark.parametrize("errors_too", [False, True])
+def test_a_command_whose_reader_ended_first_ends_without_a_message_and_no_error_loses_its_code(
+    arguments, code, errors_too
+):
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as closed:
+        errors = closed if errors_too else subprocess.PIPE
+        done = subprocess.run([*COMMAND, *arguments], stdout=closed, stderr=errors, text=True, check=False)
+    assert done.returncode == code
+    assert errors_too or done.stderr.startswith("Error: ") == (code == 2)
+    assert errors_too or done.stderr.count("\n") == (code == 2)
+
+
 def test_an_old_python_is_told_so():
     assert python_fault((3, 11, 0)) is None
     assert python_fault((3, 10, 12)) == "This is Python 3.10.12; duralab needs 3.11 or later."
