@@ -80,11 +80,13 @@ def test_every_public_name_is_found_when_it_is_asked_for():
 
 
 @pytest.mark.parametrize("command", NAMES)
-def test_every_command_has_json_and_a_line_of_help(command):
+def test_every_command_has_json_and_a_line_of_help_and_fits_80_columns(command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     function = command_function(command)
     assert "as_json" in inspect.signature(function).parameters
     code, shown, _ = invoke(*command.split(), "--help")
     assert code == 0
+    assert [line for line in shown.splitlines() if len(line) > 80] == []
     assert "--json" in shown
     assert (function.__doc__ or "").splitlines()[0].split()[0] in shown
 
