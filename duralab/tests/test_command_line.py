@@ -80,11 +80,13 @@ def test_every_public_name_is_found_when_it_is_asked_for():
 
 
 @pytest.mark.parametrize("command", NAMES)
-def test_every_command_has_json_and_a_line_of_help(command):
+def test_every_command_has_json_and_a_line_of_help_and_fits_80_columns(command, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "80")
     function = command_function(command)
     assert "as_json" in inspect.signature(function).parameters
     code, shown, _ = invoke(*command.split(), "--help")
     assert code == 0
+    assert [line for line in shown.splitlines() if len(line) > 80] == []
     assert "--json" in shown
     assert (function.__doc__ or "").splitlines()[0].split()[0] in shown
 
@@ -234,6 +236,24 @@ finally:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         assert done.returncode == expected
         assert done.stdout.splitlines()[-1] == "written"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="pipes of Windows report no reader that is gone")
+@pytest.mark.parametrize(
+    ("arguments", "code"), [(["--help"], 141), (["--version"], 141), (["doctor"], 141), (["run", "nowhere.yaml"], 2)]
+)
+@pytest.mark.parametrize("errors_too", [False, True])
+def test_a_command_whose_reader_ended_first_ends_without_a_message_and_no_error_loses_its_code(
+    arguments, code, errors_too
+):
+    reader, writer = os.pipe()
+    os.close(reader)
+    with os.fdopen(writer, "wb") as closed:
+        errors = closed if errors_too else subprocess.PIPE
+        done = subprocess.run([*COMMAND, *arguments], stdout=closed, stderr=errors, text=True, check=False)
+    assert done.returncode == code
+    assert errors_too or done.stderr.startswith("Error: ") == (code == 2)
+    assert errors_too or done.stderr.count("\n") == (code == 2)
 
 
 def test_an_old_python_is_told_so():

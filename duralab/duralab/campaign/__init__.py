@@ -45,6 +45,7 @@ from duralab.campaign.target_edit import (
     Taper,
     TaperLevel,
 )
+from duralab.campaign.target_file import missing_target
 from duralab.campaign.template import (
     AWAITED_TARGET,
     DEFAULT_TEMPLATE,
@@ -117,6 +118,7 @@ __all__ = [
     "load_project",
     "load_settings",
     "measured_target",
+    "missing_target",
     "parse_campaign",
     "parse_project",
     "repeatability_in_words",

@@ -7,6 +7,10 @@ import gc
 import os
 import sys
 from io import TextIOWrapper
+from typing import Final
+
+_OUTPUT_CLOSED: Final = 141
+"""`ExitCode.OUTPUT_CLOSED`, without its imports."""
 
 
 def main() -> None:
@@ -16,13 +20,18 @@ def main() -> None:
     code: str | int | None = None
 
     def leave() -> None:
+        nonlocal code
         if not isinstance(code, int):
             return  # An unforeseen error: Python ends with a traceback and its own code.
         # Everything is closed and written. The interpreter's normal end can abort while a thread still imports a module
         # or a native library waits for Python's lock, and its search for garbage takes up to a third of a second.
         for stream in (sys.stdout, sys.stderr):
             if isinstance(stream, TextIOWrapper):
-                stream.flush()
+                try:
+                    stream.flush()
+                except BrokenPipeError:
+                    # Only now was it written, and its reader, e.g. `head`, is gone.
+                    code = code or _OUTPUT_CLOSED
         os._exit(code)
 
     # Imports leave next to no garbage, for which Python would look more than a hundred times until a lab is up.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import errno
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Annotated, Any, Final, cast
@@ -85,10 +84,10 @@ class CommandGroup(TyperGroup):
                 fail(_usage_sentence(error), ExitCode.USER_ERROR, as_json=self._as_json)
             except typer.Exit as ending:
                 code = ending.exit_code
+        except SystemExit as ending:
+            # Help and version are written before there is a command; typer ends so if their reader is gone.
+            code = ExitCode.OUTPUT_CLOSED if isinstance(ending.__context__, BrokenPipeError) else ending.code
         except OSError as error:
-            # Help and version are written before there is a command.
-            if error.errno == errno.EPIPE:
-                raise  # As within a command: the reader of the output is gone.
             try:
                 sentence = f"The output cannot be written: {error.strerror or error}; free space, or send it elsewhere."
                 fail(sentence, ExitCode.FAILED, as_json=self._as_json)

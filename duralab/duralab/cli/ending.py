@@ -8,7 +8,7 @@ import signal
 import stat
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from enum import IntEnum
 from pathlib import Path
 from types import FrameType
@@ -16,6 +16,7 @@ from typing import Final, NoReturn
 
 import typer
 
+from duralab.cli.output import STANDARD_OUTPUTS, console, leave_closed_outputs, to_null_device, write_json
 from duralab.errors import PROCESS_LIMIT, InputError, LabError, ended, is_process_limit
 
 
@@ -27,6 +28,7 @@ class ExitCode(IntEnum):
     USER_ERROR = 2
     NOT_REACHED = 3
     INTERRUPTED = 130
+    OUTPUT_CLOSED = 141
     TERMINATED = 143
 
 
@@ -36,13 +38,13 @@ MEANINGS: Final = {
     ExitCode.USER_ERROR: "a wrong value or option",
     ExitCode.NOT_REACHED: "finished, but the target was not reached",
     ExitCode.INTERRUPTED: "interrupted",
+    ExitCode.OUTPUT_CLOSED: "the reader of the output ended first",
     ExitCode.TERMINATED: "terminated",
 }
 """Meaning of each exit code."""
 
 
 _NOTHING_STARTED: Final = f"A process or thread of this command could not be started: {PROCESS_LIMIT}."
-_STANDARD_OUTPUTS: Final = (1, 2)
 
 
 class TerminatedError(KeyboardInterrupt):
@@ -64,11 +66,8 @@ def _leave_closed_terminal() -> bool:
     Every write to a closed terminal fails with EIO: an error message, a progress display or the flush at exit would
     replace the exit code.
     """
-    closed = [number for number in _STANDARD_OUTPUTS if _is_closed_terminal(number)]
-    for number in closed:
-        null = os.open(os.devnull, os.O_WRONLY)
-        os.dup2(null, number)
-        os.close(null)
+    closed = [number for number in STANDARD_OUTPUTS if _is_closed_terminal(number)]
+    to_null_device(closed)
     return bool(closed)
 
 
@@ -109,7 +108,9 @@ def ended_well(*, as_json: bool = False) -> Iterator[None]:
         _end(said, ExitCode.INTERRUPTED, as_json=as_json)
     except OSError as error:
         if error.errno == errno.EPIPE:
-            raise  # The reader of the output is gone, e.g. `| head`; there is no place for a message.
+            # The reader of the output is gone, e.g. `| head`: as a tool that SIGPIPE ends, without a message.
+            leave_closed_outputs()
+            raise typer.Exit(int(ExitCode.OUTPUT_CLOSED)) from error
         if error.errno == errno.EIO and _leave_closed_terminal():
             raise typer.Exit(int(ExitCode.TERMINATED)) from error
         if is_process_limit(error):
@@ -137,13 +138,14 @@ def fail(sentence: str, code: ExitCode, *, as_json: bool, field: str = "", servi
 def _end(
     sentence: str, code: ExitCode, *, as_json: bool, error: bool = False, field: str = "", service: str = ""
 ) -> NoReturn:
-    from rich.console import Console
     from rich.text import Text
 
     text = Text.assemble(("Error: ", "bold red"), sentence) if error else Text(sentence)
-    Console(stderr=True, soft_wrap=True).print(text)
+    # The code is that of the error also where its reader is gone.
+    with suppress(BrokenPipeError):
+        console(stderr=True).print(text)
     if as_json:
-        from duralab.cli.output import write_json
-
-        write_json({"error": {"message": sentence, "field": field, "service": service, "exit_code": int(code)}})
+        with suppress(BrokenPipeError):
+            write_json({"error": {"message": sentence, "field": field, "service": service, "exit_code": int(code)}})
+    leave_closed_outputs()
     raise typer.Exit(int(code))

@@ -32,7 +32,7 @@ OutFolder = Annotated[
 Pdf = Annotated[
     Path | None, typer.Option("--pdf", metavar="FILE", help="Write a PDF as well; needs Chromium or Chrome.")
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Random seed of the simulated rig.")]
+Seed = Annotated[int, typer.Option("--seed", metavar="N", min=0, help="Random seed of the simulated rig.")]
 RealTime = Annotated[
     bool, typer.Option("--real-time", help="Play no faster than real time, as a rehearsal of a real rig.")
 ]
@@ -46,7 +46,7 @@ InputFormat = Annotated[
 ]
 Source = Annotated[Path, typer.Argument(metavar="IN", help="A file of signals.")]
 Out = Annotated[Path, typer.Argument(metavar="OUT", help="The file to write.")]
-Recording = Annotated[Path, typer.Argument(help="A recording.mcap.")]
+Recording = Annotated[Path, typer.Argument(metavar="RECORDING", help="A recording.mcap.")]
 ControllerMapFile = Annotated[
     Path | None,
     typer.Option(

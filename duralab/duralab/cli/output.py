@@ -3,15 +3,58 @@
 from __future__ import annotations
 
 import math
+import os
+import select
 import shlex
 import shutil
 import sys
+import threading
+from collections.abc import Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+STANDARD_OUTPUTS: Final = (1, 2)
+
+
+def leave_closed_outputs() -> None:
+    """Send standard outputs whose reader ended first, e.g. `head`, to the null device: nothing writes there again."""
+    to_null_device([number for number in STANDARD_OUTPUTS if _is_closed_pipe(number)])
+
+
+def _is_closed_pipe(number: int) -> bool:
+    if sys.platform == "win32":
+        return False
+    poll = select.poll()
+    poll.register(number, 0)
+    return any(event & (select.POLLERR | select.POLLHUP) for _, event in poll.poll(0))
+
+
+def to_null_device(numbers: Sequence[int]) -> None:
+    """Send file descriptors to the null device."""
+    for number in numbers:
+        null = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(null, number)
+        os.close(null)
+
+
+def console(*, stderr: bool) -> Console:
+    """Return a console that does not wrap lines; if its reader is gone, it raises BrokenPipeError and falls silent."""
+    from rich.console import Console
+
+    class PipedConsole(Console):
+        def on_broken_pipe(self) -> None:
+            self.quiet = True
+            leave_closed_outputs()
+            # A thread that reports progress has no command to end.
+            if threading.current_thread() is threading.main_thread():
+                raise  # noqa: PLE0704  (rich calls this while it handles the error)
+
+    return PipedConsole(soft_wrap=True, stderr=stderr)
 
 
 class Output:
@@ -23,9 +66,7 @@ class Output:
     @cached_property
     def console(self) -> Console:
         """Console for text, tables and progress; it does not wrap lines."""
-        from rich.console import Console
-
-        return Console(soft_wrap=True, stderr=self._as_json)
+        return console(stderr=self._as_json)
 
     def say(self, *lines: str, style: str | None = None) -> None:
         """Print lines as they are, without markup and highlighting."""

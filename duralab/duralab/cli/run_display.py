@@ -139,6 +139,8 @@ def remaining_words(seconds: float) -> str:
 
 LARGEST_COLUMNS = 8
 """Playbacks in a table for the terminal."""
+_LONGEST_WHOLE = 13
+"""Characters of the longest heading that is not broken: `damage, k = 8`."""
 
 
 def follow(
@@ -205,9 +207,18 @@ def judged_table(result: CampaignResult) -> Table:
     slope = counted_slope(result.specification)
     header, rows = judged_rows(iterations, result.verdict, slope=slope)
     title = f"Playback {iterations.numbers[iterations.best]}, the best, and what is allowed (✗ outside it)"
-    table = Table(title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD)
+    table = Table(
+        title=title, title_justify="left", title_style="bold", box=SIMPLE_HEAD, padding=(0, 1, 0, 0), show_edge=False
+    )
     for column, (name, allowed) in enumerate(header):
-        table.add_column(f"{name}\n[dim]{allowed}[/]", justify="right" if column else "left", no_wrap=not column)
+        # On 80 columns the long names break, and the limits stay whole.
+        whole = max((len(each) for each in (name, allowed) if len(each) <= _LONGEST_WHOLE), default=0)
+        table.add_column(
+            f"{name}\n[dim]{allowed}[/]",
+            justify="right" if column else "left",
+            no_wrap=not column,
+            min_width=whole if 0 < column < len(header) - 1 else None,
+        )
     for row in rows:
         table.add_row(*(f"[bold red]{cell}[/]" if cell.endswith("✗") else cell for cell in row))
     return table

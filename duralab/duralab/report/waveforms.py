@@ -85,7 +85,7 @@ def waveform(shown: Shown, row: int, held: Sequence[HeldStretch]) -> Figure:
     layout = axes(x="time [s]", y=f"{channel.title} [{channel.unit}]")
     layout["xaxis"] |= {"anchor": "y2"}
     layout["yaxis"] |= {"domain": [0.38, 1.0]}
-    layout["yaxis2"] = {"domain": [0.0, 0.31], "range": [-span, span], "title": {"text": "error"}}
+    layout["yaxis2"] = {"domain": [0.0, 0.31], "range": [-span, span], "title": {"text": f"error [{channel.unit}]"}}
     layout["shapes"] = held_bands(held)
     return {"data": data, "layout": layout}
 

@@ -69,7 +69,7 @@ def describe_target(target: Target) -> str:
     drive = f"driven by {target.vehicle} at {target.speed:g} m/s"
     if target.road is not None:
         road = target.road
-        holes = f" with {road.potholes.count} potholes" if road.potholes else ""
+        holes = f" with {road.potholes.count} pothole{'' if road.potholes.count == 1 else 's'}" if road.potholes else ""
         return f"ISO 8608 road of class {road.iso_class}{holes} (seed {road.seed}), {road.duration:g} s {drive}"
     if target.opencrg is not None:
         return f"measured road {target.opencrg.path.name}, {target.opencrg.duration:g} s {drive}"

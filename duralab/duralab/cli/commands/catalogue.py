@@ -41,9 +41,25 @@ def catalogue(
     target: Annotated[
         str, typer.Option("--target", metavar="TEXT", help="Only recordings whose target source contains this text.")
     ] = "",
-    begun_from: Annotated[datetime | None, typer.Option("--from", help="Only recordings begun then or later.")] = None,
-    begun_before: Annotated[datetime | None, typer.Option("--before", help="Only recordings begun before.")] = None,
-    result: Annotated[Result | None, typer.Option("--result", help="Only recordings with this result.")] = None,
+    begun_from: Annotated[
+        datetime | None,
+        typer.Option(
+            "--from",
+            metavar="TIME",
+            help="Only recordings begun then or later, e.g. 2026-11-28 or 2026-11-28T07:00:00.",
+        ),
+    ] = None,
+    begun_before: Annotated[
+        datetime | None, typer.Option("--before", metavar="TIME", help="Only recordings begun before.")
+    ] = None,
+    result: Annotated[
+        Result | None,
+        typer.Option(
+            "--result",
+            metavar="RESULT",
+            help=f"Only recordings with this result: {', '.join(each.value for each in Result)}.",
+        ),
+    ] = None,
     endpoint: Connect = None,
     as_json: Json = False,
 ) -> None:

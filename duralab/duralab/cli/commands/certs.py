@@ -113,7 +113,7 @@ def router(
             "--certificates", metavar="DIR", help="Folder of the certificates on the router; as --folder if left out."
         ),
     ] = None,
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Endpoint of the router.")] = 7447,
+    port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535, help="Port of the router.")] = 7447,
     lab: LabName = "local",
     replace: Replace = False,
     as_json: Json = False,
@@ -144,7 +144,7 @@ def run_router(
     host: Annotated[
         str, typer.Option("--host", metavar="ADDRESS", help="Address to listen on; 0.0.0.0 to accept other machines.")
     ] = "127.0.0.1",
-    port: Annotated[int, typer.Option("--port", min=1, max=65535, help="Port to listen on.")] = 7447,
+    port: Annotated[int, typer.Option("--port", metavar="N", min=1, max=65535, help="Port to listen on.")] = 7447,
     lab: LabName = "local",
     as_json: Json = False,
 ) -> None:
@@ -177,7 +177,9 @@ def run_router(
 
 
 def refusals(
-    log: Annotated[Path | None, typer.Argument(help="A router's log; standard input if left out.")] = None,
+    log: Annotated[
+        Path | None, typer.Argument(metavar="LOG", help="A router's log; standard input if left out.")
+    ] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print a JSON object for each refusal.")] = False,
 ) -> None:
     """List what a router refused and to whom, from its log (see docs/security.md)."""

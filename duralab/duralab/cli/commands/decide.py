@@ -25,9 +25,7 @@ class Choice(StrEnum):
 
 def decide(
     id: CampaignId,
-    choice: Annotated[
-        Choice | None, typer.Argument(metavar="[play|change|back|end]", help="Left out: show the proposal.")
-    ] = None,
+    choice: Annotated[Choice | None, typer.Argument(metavar="DECISION", help="Left out: show the proposal.")] = None,
     *,
     proposal: Annotated[int, typer.Option("--proposal", min=0, metavar="N", help="Number of the proposal.")] = 0,
     name: Annotated[

@@ -75,7 +75,7 @@ def resume(id: EnduranceId, *, endpoint: Connect = None, as_json: Json = False) 
 
 def decide(
     id: EnduranceId,
-    choice: Annotated[Choice, typer.Argument(metavar="[continue|iterate_again|relearn|end]", help="Action to take.")],
+    choice: Annotated[Choice, typer.Argument(metavar="DECISION", help="What to do.")],
     *,
     hold: Annotated[int, typer.Option("--hold", min=1, metavar="N", help="Number of the hold.")],
     name: Annotated[

@@ -34,10 +34,15 @@ class Exported(StrEnum):
 
 def export(
     source: Annotated[Path, typer.Argument(metavar="IN", help="A recording.mcap; with --map, or a drive file.")],
-    out: Annotated[Path | None, typer.Argument(metavar="[OUT]", help="The file to write; not with --map.")] = None,
+    out: Annotated[Path | None, typer.Argument(metavar="OUT", help="The file to write; not with --map.")] = None,
     *,
     what: Annotated[
-        str, typer.Option("--what", help="drive; target or response, whole or as _in_band; or frf (into .uff or .unv).")
+        str,
+        typer.Option(
+            "--what",
+            metavar="SIGNALS",
+            help="drive; target or response, whole or as _in_band; or frf (into .uff or .unv).",
+        ),
     ] = "drive",
     playback: Annotated[
         int | None, typer.Option("--playback", metavar="N", help="Number of the playback; the best if left out.")

@@ -53,7 +53,9 @@ def init(
         DEFAULT_TEMPLATE,
         campaign_name,
         campaign_text,
+        load_campaign,
         measured_target,
+        missing_target,
         parse_campaign,
         shipped_text,
         template_for,
@@ -85,6 +87,8 @@ def init(
     if awaited is not None and described is not None:
         wanted = ", ".join(channel.name for channel in described.responses)
         lines.append(f"Put its target at {awaited} first: a file of signals with {wanted}.")
+    elif absent := missing_target(load_campaign(file), place="the folder of the campaign file"):
+        lines.append(f"{absent} Put it there first.")
     output.say(*lines)
     output.document(
         {

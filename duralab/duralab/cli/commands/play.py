@@ -112,7 +112,9 @@ def identify(
     out: Annotated[
         Path | None, typer.Option("--out", metavar="FILE", help="Write the frequency responses, into .uff or .unv.")
     ] = None,
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Random seed; that of FILE if left out.")] = None,
+    seed: Annotated[
+        int | None, typer.Option("--seed", metavar="N", min=0, help="Random seed; that of FILE if left out.")
+    ] = None,
     drive_map: Annotated[
         bool, typer.Option("--drive-map", help="Learn which drives follow products of others, as a campaign does.")
     ] = False,

@@ -19,7 +19,9 @@ def pre_test(
     level: Annotated[
         float, typer.Option("--level", metavar="SHARE", help="Largest share of the limits, up to 0.05.")
     ] = 0.05,
-    seed: Annotated[int, typer.Option("--seed", min=0, help="Seed of the random parts of a simulated rig.")] = 0,
+    seed: Annotated[
+        int, typer.Option("--seed", metavar="N", min=0, help="Seed of the random parts of a simulated rig.")
+    ] = 0,
     real_time: RealTime = False,
     recordings: Annotated[
         Path, typer.Option("--recordings", metavar="DIR", help="Folder for the recording, in a private lab.")

@@ -39,7 +39,7 @@ def report(
 
 
 def compare(
-    recordings: Annotated[list[Path], typer.Argument(metavar="A B ...", help="Two recordings or more.")],
+    recordings: Annotated[list[Path], typer.Argument(metavar="RECORDING", help="Two recordings or more.")],
     *,
     out: Annotated[Path, typer.Option("--out", metavar="FILE", help="The HTML file to write.")] = Path(
         "comparison.html"

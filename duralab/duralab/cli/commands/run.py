@@ -36,8 +36,9 @@ def run(
     campaign: Annotated[
         str,
         typer.Argument(
-            help="A campaign or project file, or a shipped one: front_axle_demo, spindle_coupled_demo, belgian_block, "
-            "front_axle_events.",
+            metavar="CAMPAIGN",
+            help="A campaign or project file, or a shipped one: front_axle_demo, spindle_coupled_demo, "
+            "front_axle_events, or belgian_block, whose road does not ship.",
             autocompletion=complete_campaign,
         ),
     ],

@@ -19,10 +19,14 @@ _WATCH_SECONDS = 0.25
 
 
 def view(
-    file: Annotated[Path | None, typer.Argument(help="A live.rrd, or a recording.mcap to make one from.")] = None,
+    file: Annotated[
+        Path | None, typer.Argument(metavar="FILE", help="A live.rrd, or a recording.mcap to make one from.")
+    ] = None,
     *,
-    port: Annotated[int, typer.Option("--port", min=0, max=65535, help="Port for data.")] = 9876,
-    web_port: Annotated[int, typer.Option("--web-port", min=0, max=65535, help="Port of the page.")] = 9090,
+    port: Annotated[int, typer.Option("--port", metavar="N", min=0, max=65535, help="Port for data.")] = 9876,
+    web_port: Annotated[
+        int, typer.Option("--web-port", metavar="N", min=0, max=65535, help="Port of the page.")
+    ] = 9090,
     web: Annotated[bool, typer.Option("--web", help="Open a page in the browser, even with a display.")] = False,
     as_json: Json = False,
 ) -> None:
