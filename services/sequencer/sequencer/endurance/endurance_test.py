@@ -395,30 +395,33 @@ class EnduranceTest:
         if AlarmAction.HOLD in actions:
             self._wait(sentence, alarms=step.alarms)
         elif AlarmAction.ITERATE_AGAIN in actions:
-            corrected = [a for a in verdict.alarms if self._action(a.level) is AlarmAction.ITERATE_AGAIN]
-            if uncorrectable := self._uncorrectable(step.event, corrected):
-                self._board.add_remark(uncorrectable)
+            # All alarms of the repeat: a correction learns the baseline of an alarm that is only logged, too.
+            alarm, reason = self._reason_against_correction(step.event, verdict.alarms)
+            if reason:
+                self._board.add_remark(reason)
                 # Without any repeat left, a decision would change nothing.
                 if step.repeat + 1 < len(self._plan.sequence):
-                    self._wait(f"{sentence} {uncorrectable} Continue, relearn or end.", alarms=step.alarms)
+                    self._wait(f"{alarm.sentence} {reason} Continue, relearn or end.", alarms=step.alarms)
                 return
             hold = sequencer_pb2.EnduranceHold(next_repeat=step.repeat + 1, reason=sentence, alarms=step.alarms)
             self._apply(hold, self._holds.decided(hold, sequencer_pb2.ENDURANCE_DECISION_KIND_ITERATE_AGAIN))
 
-    def _uncorrectable(self, event: int, alarms: Sequence[Alarm]) -> str:
-        """Return why no drive of an event corrects any of its alarms; empty if one may, or if that is not known."""
-        parent = self._plan.spec.events[event].campaign
+    def _reason_against_correction(self, event: int, alarms: Sequence[Alarm]) -> tuple[Alarm, str]:
+        """Return the first alarm of a repeat that no drive corrects, and why; empty if each may be corrected."""
+        parent, name = self._plan.spec.events[event].campaign, self._plan.names[event]
         if not self._has_repeat_left(event):
-            return self._no_repeat_left(event)
+            return alarms[0], self._no_repeat_left(event)
         try:
-            controlled = controlled_part(self._bus, parent) if parent else None
+            found = controlled_part(self._bus, parent).uncorrectable(alarms) if parent else []
         except FaultError:
             self._require_running()
             # The correction reads the same recording, and holds with the fault.
-            return ""
-        if controlled is None or not (reason := controlled.reason_against(alarms)):
-            return ""
-        return f"No drive of {self._plan.names[event]} corrects this alarm: {reason}."
+            found = []
+        if not found:
+            return alarms[0], ""
+        reasons = "; ".join(dict.fromkeys(reason for _, reason in found))
+        others = " A correction of the other alarms would learn its baseline again." if len(found) < len(alarms) else ""
+        return found[0][0], f"No drive of {name} corrects this alarm: {reasons}.{others}"
 
     def _has_repeat_left(self, event: int) -> bool:
         return self._tallies[event].played < self._tallies[event].planned

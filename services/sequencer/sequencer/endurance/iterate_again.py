@@ -130,11 +130,11 @@ class ControlledPart:
     channels: frozenset[str]
     band: tuple[float, float]
 
-    def reason_against(self, alarms: Sequence[Alarm]) -> str:
-        """Return why no drive corrects any alarm of a repeat, without a full stop; empty if a drive may correct one."""
+    def uncorrectable(self, alarms: Sequence[Alarm]) -> list[tuple[Alarm, str]]:
+        """Return the alarms of a repeat that no drive corrects, each with the reason, without a full stop."""
         shifted = {alarm.channel for alarm in alarms if alarm.measure in _STATIC}
-        reasons = [self._reason(alarm, is_shifted=alarm.channel in shifted) for alarm in alarms]
-        return "; ".join(dict.fromkeys(reasons)) if all(reasons) else ""
+        reasons = [(alarm, self._reason(alarm, is_shifted=alarm.channel in shifted)) for alarm in alarms]
+        return [(alarm, reason) for alarm, reason in reasons if reason]
 
     def _reason(self, alarm: Alarm, *, is_shifted: bool) -> str:
         low, high = self.band
