@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from duralab_proto.v1 import sequencer_pb2
-from sequencer.endurance import endurance_test
+from sequencer.endurance import drive_corrections
 
 from .one_rig_lab import DRIVE, OneRigLab, campaign, decide, holding_or_ended, wait_for
 
@@ -22,7 +22,7 @@ def corrections(monkeypatch):
         made.append(id)
         return DRIVE
 
-    monkeypatch.setattr(endurance_test, "corrected_drive", correct)
+    monkeypatch.setattr(drive_corrections, "corrected_drive", correct)
     return made
 
 

@@ -13,12 +13,12 @@ import structlog
 from numpy.typing import NDArray
 
 from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, bring_to_rest, described_rig, early_end, halt_rig
-from duralab_monitoring import Alarm, AlarmLevel, Monitor, RepeatVerdict, Statistic
-from duralab_proto.arrays import from_record, samples_hash, to_array, to_record
+from duralab_monitoring import AlarmLevel, Monitor, RepeatVerdict, Statistic
+from duralab_proto.arrays import samples_hash, to_array, to_record
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 from duralab_schedules import AlarmAction
+from sequencer.endurance.drive_corrections import DriveCorrections
 from sequencer.endurance.holds import Holds
-from sequencer.endurance.iterate_again import controlled_part, corrected_drive
 from sequencer.endurance.messages import alarm_message, column_names, progress_of_events, put_statistics
 from sequencer.endurance.plan import EndurancePlan
 from sequencer.endurance.rig_playback import REFUSALS, RigPlayback
@@ -97,15 +97,10 @@ class EnduranceTest:
         self._journal = structlog.get_logger("sequencer").bind(endurance_test=self.id, rig=self.rig)
         self._before = before
         self._tallies, self._monitor = before.tallies, before.monitor
-        self._drives = list(plan.drives)
-        for drive in before.drives:
-            self._drives[drive.event] = _samples(drive)
         self._kept = KeptSamples(plan.schedule.keep, kept_before=before.kept_before, files=held_files)
         self._alarms = before.alarms
         # The last repeat; None if a person may have changed the specimen since.
         self._last: HeldRepeat | None = None
-        # Campaigns requested by this process: the name of a campaign is never free again.
-        self._campaigns: list[str] = []
         self._first_repeat, self._attempt = before.first_repeat, 1
         self._stop = threading.Event()
         self._stop_reason, self._latching, self._latched, self._leaving = "", False, False, False
@@ -119,6 +114,9 @@ class EnduranceTest:
             next_step=before.next_step,
             stop=self._stop,
             on_wait=self._show_waiting,
+        )
+        self._corrections = DriveCorrections(
+            plan, bus=bus, log=self._log, tallies=self._tallies, corrected=before.drives, stop=self._stop
         )
         self._holds = Holds(self.id, log=self._log, stop=self._stop, last=before.holds, on_wait=self._show_hold)
         # Mean duration of a repeat, with the largest weight for the last ones.
@@ -266,7 +264,7 @@ class EnduranceTest:
             alarms=self._alarms,
             kept=self._board.snapshot().kept,
             kept_before=self._kept.kept_before,
-            drives=[drive for drive in self._before.drives if self._tallies[drive.event].drive == drive.number],
+            drives=self._corrections.in_use,
             holds=self._holds.last,
         )
 
@@ -288,7 +286,7 @@ class EnduranceTest:
         )
         self._moving_run = run
         try:
-            played, response = self._rig.play(self._drives[event], run=run, repeat=repeat)
+            played, response = self._rig.play(self._corrections.drives[event], run=run, repeat=repeat)
         except FaultError as fault:
             if fault.code in REFUSALS and not self._stop.is_set():
                 self._moving_run = ""
@@ -348,7 +346,7 @@ class EnduranceTest:
     def _commit_kept(self, step: sequencer_pb2.EnduranceRepeat, held: HeldRepeat, played: rig_pb2.PlayResult) -> None:
         """Commit a repeat with its signal blocks, or with its samples if the recorder lacks some."""
         step.signal_epoch, step.signal_blocks = played.epoch, played.blocks
-        step.samples_hash = samples_hash(self._drives[held.event], held.response)
+        step.samples_hash = samples_hash(self._corrections.drives[held.event], held.response)
         try:
             self._log.commit(step)
         except FaultError as fault:
@@ -396,39 +394,16 @@ class EnduranceTest:
             self._wait(sentence, alarms=step.alarms)
         elif AlarmAction.ITERATE_AGAIN in actions:
             # All alarms of the repeat: a correction learns the baseline of an alarm that is only logged, too.
-            alarm, reason = self._reason_against_correction(step.event, verdict.alarms)
+            alarm, reason = self._corrections.reason_against(step.event, verdict.alarms)
             if reason:
                 self._board.add_remark(reason)
                 # Without any repeat left, a decision would change nothing.
                 if step.repeat + 1 < len(self._plan.sequence):
                     self._wait(f"{alarm.sentence} {reason} Continue, relearn or end.", alarms=step.alarms)
                 return
+            self._require_running()
             hold = sequencer_pb2.EnduranceHold(next_repeat=step.repeat + 1, reason=sentence, alarms=step.alarms)
             self._apply(hold, self._holds.decided(hold, sequencer_pb2.ENDURANCE_DECISION_KIND_ITERATE_AGAIN))
-
-    def _reason_against_correction(self, event: int, alarms: Sequence[Alarm]) -> tuple[Alarm, str]:
-        """Return the first alarm of a repeat that no drive corrects, and why; empty if each may be corrected."""
-        parent, name = self._plan.spec.events[event].campaign, self._plan.names[event]
-        if not self._has_repeat_left(event):
-            return alarms[0], self._no_repeat_left(event)
-        try:
-            found = controlled_part(self._bus, parent).uncorrectable(alarms) if parent else []
-        except FaultError:
-            self._require_running()
-            # The correction reads the same recording, and holds with the fault.
-            found = []
-        if not found:
-            return alarms[0], ""
-        reasons = "; ".join(dict.fromkeys(reason for _, reason in found))
-        others = " A correction of the other alarms would learn its baseline again." if len(found) < len(alarms) else ""
-        return found[0][0], f"No drive of {name} corrects this alarm: {reasons}.{others}"
-
-    def _has_repeat_left(self, event: int) -> bool:
-        return self._tallies[event].played < self._tallies[event].planned
-
-    def _no_repeat_left(self, event: int) -> str:
-        name = self._plan.names[event]
-        return f"No repeat of {name} is left, so its drive is not corrected."
 
     def _break_off(self, repeat: int, run: str, fault: FaultError) -> None:
         """Count a repeat with an unknown end, bring the rig to rest, and wait for a person."""
@@ -492,67 +467,32 @@ class EnduranceTest:
             # After the last repeat there is no event, and no drive to correct.
             events = {int(event) for event in self._plan.sequence[hold.next_repeat : hold.next_repeat + 1]}
         for event in sorted(events):
-            if not self._has_repeat_left(event):
-                self._board.add_remark(self._no_repeat_left(event))
+            if no_repeat_left := self._corrections.no_repeat_left(event):
+                self._board.add_remark(no_repeat_left)
                 continue
-            name, number = self._plan.names[event], self._tallies[event].drive + 1
+            name = self._plan.names[event]
             self._step = f"iterating again for {name}"
+            last = self._last if self._last is not None and self._last.event == event else None
             try:
-                self._correct(event, number)
+                drive = self._corrections.correct(
+                    event, response=None if last is None else last.response, on_activity=self._show_correction
+                )
             except FaultError as fault:
                 self._require_running()
                 failed = f"The drive of {name} was not corrected: {fault.message}"
                 self._board.add_remark(failed)
                 self._wait(failed, alarms=hold.alarms)
                 return
+            self._monitor.relearn(name)
+            self._board.change(self._show_counts)
+            self._board.add_remark(f"{name} has drive {drive.number} of campaign {drive.campaign}.")
 
-    def _correct(self, event: int, number: int) -> None:
-        """Give an event another drive, made by a separate campaign."""
-        name, parent = self._plan.names[event], self._plan.spec.events[event].campaign
-        if not parent:
-            raise FaultError(
-                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-                "it is from a file and no campaign made it, so neither target nor model are known; make it with a "
-                "campaign.",
-            )
+    def _show_correction(self, activity: str) -> None:
+        def change(status: sequencer_pb2.EnduranceStatus) -> None:
+            status.phase = sequencer_pb2.ENDURANCE_PHASE_ITERATING
+            status.activity = f"{self._step}: {activity}"
 
-        def show(activity: str) -> None:
-            def change(status: sequencer_pb2.EnduranceStatus) -> None:
-                status.phase = sequencer_pb2.ENDURANCE_PHASE_ITERATING
-                status.activity = f"{self._step}: {activity}"
-
-            self._board.change(change)
-
-        stem = f"{self.id}-{name}-{number}"
-        attempt = 1 + sum(1 for known in self._campaigns if known == stem or known.startswith(f"{stem}-"))
-        campaign = stem + (f"-{attempt}" if attempt > 1 else "")
-        self._campaigns.append(campaign)
-        last = self._last
-        drive = corrected_drive(
-            self._bus,
-            self._drives[event],
-            response=last.response if last is not None and last.event == event else None,
-            parent=parent,
-            corrected_by=next((known.campaign for known in reversed(self._before.drives) if known.event == event), ""),
-            id=campaign,
-            description=self._plan.description,
-            playbacks=self._plan.schedule.actions.playbacks,
-            stop=self._stop,
-            on_activity=show,
-        )
-        description = self._plan.description
-        message = sequencer_pb2.EnduranceDrive(
-            event=event,
-            number=number,
-            drive=to_record(description.drives, description.sample_rate, drive),
-            campaign=campaign,
-        )
-        self._log.commit(message)
-        self._before.drives.append(message)
-        self._drives[event], self._tallies[event].drive = drive, number
-        self._monitor.relearn(name)
-        self._board.change(self._show_counts)
-        self._board.add_remark(f"{name} has drive {number} of campaign {campaign}.")
+        self._board.change(change)
 
     def _show_counts(self, status: sequencer_pb2.EnduranceStatus) -> None:
         """Show what is counted; called as soon as it is stored, so that status and recording agree."""
@@ -638,7 +578,3 @@ class EnduranceTest:
         failed, was_stopped = sequencer_pb2.ENDURANCE_PHASE_FAULTED, sequencer_pb2.ENDURANCE_PHASE_STOPPED
         phase = failed if stopped is None else was_stopped
         return self._board.final_status(phase, end.activity, fault=end.fault)
-
-
-def _samples(drive: sequencer_pb2.EnduranceDrive) -> NDArray[np.float64]:
-    return from_record(drive.drive, field="drive")[2]
