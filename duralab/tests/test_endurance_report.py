@@ -16,6 +16,7 @@ from duralab.analysis import damage_so_far, deviations, planned_so_far, planned_
 from duralab.recording import EnduranceRecording
 from duralab.report import write_report
 from duralab_monitoring import AlarmKind, Statistic
+from duralab_proto.arrays import to_array
 from duralab_proto.v1 import sequencer_pb2
 
 
@@ -70,6 +71,27 @@ def test_damage_adds_up_and_what_is_not_known_counts_as_planned(made, recording)
     np.testing.assert_allclose(damage_so_far(recording), np.cumsum(damage, axis=0), rtol=1e-12)
     np.testing.assert_allclose(planned_total(recording), [80, 40] @ recording.planned_damage)
     np.testing.assert_allclose(planned_so_far(recording), planned_total(recording))
+
+
+def test_the_damage_of_a_correction_counts_after_the_repeat_before_it_and_is_shown(tmp_path):
+    made = synthetic_endurance.make()
+    sentence = "2 playbacks of campaign weeks-rough-1 count with their damage."
+    part = np.array([1e20, 0.0, 0.0, 0.0, 0.0, 0.0])
+    place = next(n for n, step in enumerate(made.volumes[1]) if getattr(step, "repeat", None) == 71)
+    correction = sequencer_pb2.EnduranceCorrection(
+        campaign="weeks-rough-1", playbacks=2, damage=to_array(part), reason=sentence, next_repeat=71
+    )
+    without = damage_so_far(EnduranceRecording(synthetic_endurance.write(tmp_path, made)))
+    made.volumes[1].insert(place, correction)
+    (tmp_path / "again").mkdir()
+    recording = EnduranceRecording(synthetic_endurance.write(tmp_path / "again", made))
+    expected = without + np.outer(np.arange(120) >= 70, part)
+    np.testing.assert_allclose(damage_so_far(recording), expected)
+    page = write_report(recording.path, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert sentence in page
+    assert "of it by corrections" in page
+    assert f"<td>{expected[-1, 0]:.3g}</td>" in page
+    assert "<td>1e+20</td>" in page
 
 
 def test_the_plan_of_the_schedule_counts_before_that_of_its_repeats(tmp_path):

@@ -50,8 +50,17 @@ def _relearnt(recording: EnduranceRecording) -> list[int]:
 
 
 def damage_so_far(recording: EnduranceRecording) -> np.ndarray:
-    """Return the damage counted after each repeat, shape (repeats, responses); unknown damage counts as 0."""
-    return np.cumsum(np.nan_to_num(recording.repeats.damage), axis=0)
+    """Return the damage counted after each repeat, shape (repeats, responses); unknown damage counts as 0.
+
+    The damage of a correction of a drive counts with the repeat before it.
+    """
+    each = np.nan_to_num(recording.repeats.damage)
+    if not len(each):
+        return each
+    before = np.array([step.next_repeat for step in recording.corrections], dtype=np.int64)
+    at = np.clip(np.searchsorted(recording.repeats.repeat, before) - 1, 0, None)
+    np.add.at(each, at, np.nan_to_num(recording.correction_damage))
+    return np.cumsum(each, axis=0)
 
 
 def planned_total(recording: EnduranceRecording) -> np.ndarray:

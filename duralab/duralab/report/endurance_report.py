@@ -49,7 +49,8 @@ def _render(recording: EnduranceRecording) -> str:
             f"The recording {recording.path} holds no repeat yet, so there is nothing to report; give one that has."
         )
     planned, so_far = planned_total(recording), planned_so_far(recording)
-    counted = np.nan_to_num(repeats.damage).sum(axis=0)
+    of_corrections = np.nan_to_num(recording.correction_damage).sum(axis=0)
+    counted = np.nan_to_num(repeats.damage).sum(axis=0) + of_corrections
     drawn = _alarm_figures(recording)
     status, schedule = recording.status, recording.schedule
     titles = [name.replace("_", " ") for name in recording.responses]
@@ -76,9 +77,10 @@ def _render(recording: EnduranceRecording) -> str:
         ratio=_ratio_range(counted, so_far),
         events=_event_rows(recording),
         damage=[
-            (title, f"{a:.3g}", _figure(b), _figure(c), _ratio(a, b), _ratio(a, c))
-            for title, a, b, c in zip(titles, counted, so_far, planned, strict=True)
+            (title, f"{a:.3g}", f"{part:.3g}", _figure(b), _figure(c), _ratio(a, b), _ratio(a, c))
+            for title, a, part, b, c in zip(titles, counted, of_corrections, so_far, planned, strict=True)
         ],
+        corrections=[step.reason for step in recording.corrections],
         statistics=list(Statistic),
         channel_options=sorted(enumerate(titles), key=lambda option: -_alarms_of(recording, option[0])),
         alarms=[_alarm_row(recording, alarm) for alarm in recording.alarms[:MOST_ALARMS_LISTED]],

@@ -10,19 +10,20 @@ from numpy.typing import NDArray
 
 from duralab_bus import Bus, FaultError
 from duralab_monitoring import Alarm
-from duralab_proto.arrays import from_record, to_record
+from duralab_proto.arrays import from_record, to_array, to_record
 from duralab_proto.v1 import query_pb2, sequencer_pb2
-from sequencer.endurance.iterate_again import controlled_part, corrected_drive
+from sequencer.endurance.iterate_again import AWAY, controlled_part, corrected_drive, playbacks_of, wait_for_end
 from sequencer.endurance.plan import EndurancePlan
-from sequencer.endurance.test_log import EnduranceLog
+from sequencer.endurance.test_log import EnduranceLog, is_recorded
 from sequencer.tally import EventTally
 
 
 class DriveCorrections:
     """Drives of one endurance test, and the campaigns that correct them; used by the test's thread.
 
-    `tallies`: Tally of each event, whose index of the drive is changed. `corrected`: Corrected drives so far. `stop`:
-    Event that stops a campaign.
+    `tallies`: Tally of each event: the index of its drive, and the playbacks of corrections. `corrected`: Corrected
+    drives so far. `damage_of`: Returns the damage of a response, shape (responses,). `stop`: Event that stops a
+    campaign. `on_counted`: Called with the stored count of each correction.
     """
 
     def __init__(
@@ -33,20 +34,22 @@ class DriveCorrections:
         log: EnduranceLog,
         tallies: Sequence[EventTally],
         corrected: Sequence[sequencer_pb2.EnduranceDrive],
+        damage_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
         stop: threading.Event,
+        on_counted: Callable[[sequencer_pb2.EnduranceCorrection], None],
     ) -> None:
         self._plan = plan
         self._bus = bus
         self._log = log
         self._tallies = tallies
         self._corrected = list(corrected)
+        self._damage_of = damage_of
         self._stop = stop
+        self._on_counted = on_counted
         self.drives = list(plan.drives)
         """Drive in use of each event, shape (drives, samples)."""
         for drive in corrected:
             self.drives[drive.event] = from_record(drive.drive, field="drive")[2]
-        # Campaigns requested by this process: the name of a campaign is never free again.
-        self._campaigns: list[str] = []
 
     @property
     def in_use(self) -> list[sequencer_pb2.EnduranceDrive]:
@@ -92,18 +95,24 @@ class DriveCorrections:
             )
         number, description = self._tallies[event].drive + 1, self._plan.description
         campaign = self._free_name(event, number)
-        drive = corrected_drive(
-            self._bus,
-            self.drives[event],
-            response=response,
-            parent=parent,
-            corrected_by=next((known.campaign for known in reversed(self._corrected) if known.event == event), ""),
-            id=campaign,
-            description=description,
-            playbacks=self._plan.schedule.actions.playbacks,
-            stop=self._stop,
-            on_activity=on_activity,
-        )
+        # Announced on disk before anything moves: from here on its playbacks count, also after a crash.
+        planned = sequencer_pb2.CorrectionPlanned(event=event, campaign=campaign)
+        self._log.commit(planned)
+        try:
+            drive = corrected_drive(
+                self._bus,
+                self.drives[event],
+                response=response,
+                parent=parent,
+                corrected_by=next((known.campaign for known in reversed(self._corrected) if known.event == event), ""),
+                id=campaign,
+                description=description,
+                playbacks=self._plan.schedule.actions.playbacks,
+                stop=self._stop,
+                on_activity=on_activity,
+            )
+        finally:
+            self.count(planned, on_activity=on_activity)
         message = sequencer_pb2.EnduranceDrive(
             event=event,
             number=number,
@@ -115,10 +124,57 @@ class DriveCorrections:
         self.drives[event], self._tallies[event].drive = drive, number
         return message
 
+    def count(self, planned: sequencer_pb2.CorrectionPlanned, *, on_activity: Callable[[str], None]) -> None:
+        """Count the playbacks of a campaign once it has ended, from its recording; the stored step counts them once."""
+        wait_for_end(self._bus, planned.campaign, stop=self._stop, on_activity=on_activity)
+        counted = sequencer_pb2.EnduranceCorrection(
+            event=planned.event,
+            campaign=planned.campaign,
+            next_repeat=sum(tally.played for tally in self._tallies),
+        )
+        tally, damage = self._tallies[planned.event], None
+        try:
+            playbacks, measured = self._recorded_playbacks(planned.campaign, on_activity)
+        except FaultError as fault:
+            if fault.code in AWAY:
+                raise
+            counted.reason = f"The damage of campaign {planned.campaign} is not known and not counted: {fault.message}"
+        else:
+            counted.playbacks, counted.unknown = playbacks, playbacks - len(measured)
+            damage = np.sum([np.zeros_like(tally.damage), *measured], axis=0)
+            counted.reason = f"{playbacks} playbacks of campaign {planned.campaign} count with their damage"
+            if counted.unknown:
+                estimate = tally.damage_per_repeat
+                how = "no damage is known of it" if estimate is None else "its damage counts as that of such a repeat"
+                counted.reason += f"; where an end is not known ({counted.unknown} of them), {how}"
+                damage = damage if estimate is None else damage + counted.unknown * estimate
+            counted.reason += "."
+            counted.damage.CopyFrom(to_array(damage))
+        self._log.commit(counted)
+        tally.count_correction(counted.playbacks, damage)
+        self._on_counted(counted)
+
+    def _recorded_playbacks(
+        self, campaign: str, on_activity: Callable[[str], None]
+    ) -> tuple[int, list[NDArray[np.float64]]]:
+        """Return the announced playbacks of a campaign and the damage of the recorded ones; wait for the recorder."""
+        responses = len(self._plan.description.responses)
+        while True:
+            try:
+                return playbacks_of(self._bus, campaign, responses=responses, damage_of=self._damage_of)
+            except FaultError as fault:
+                if fault.code not in AWAY or self._stop.wait(1.0):
+                    raise
+                on_activity(f"waiting for the recorder: {fault.message}")
+
     def _free_name(self, event: int, number: int) -> str:
-        """Return the id of the next campaign for a drive of an event."""
-        stem = f"{self._plan.spec.id}-{self._plan.names[event]}-{number}"
-        attempt = 1 + sum(1 for known in self._campaigns if known == stem or known.startswith(f"{stem}-"))
-        campaign = stem + (f"-{attempt}" if attempt > 1 else "")
-        self._campaigns.append(campaign)
+        """Return the id of the next campaign for a drive of an event: one without a recording.
+
+        The recording of a planned correction is then that of its campaign.
+        """
+        stem = campaign = f"{self._plan.spec.id}-{self._plan.names[event]}-{number}"
+        attempt = 1
+        while is_recorded(self._bus, campaign):
+            attempt += 1
+            campaign = f"{stem}-{attempt}"
         return campaign

@@ -19,13 +19,13 @@ from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 from duralab_schedules import AlarmAction
 from sequencer.endurance.drive_corrections import DriveCorrections
 from sequencer.endurance.holds import Holds
-from sequencer.endurance.messages import alarm_message, column_names, progress_of_events, put_statistics
+from sequencer.endurance.messages import alarm_message, column_names, progress_of_events, put_damage, put_statistics
 from sequencer.endurance.plan import EndurancePlan
 from sequencer.endurance.rig_playback import REFUSALS, RigPlayback
 from sequencer.endurance.status_board import EnduranceBoard
 from sequencer.endurance.test_log import EnduranceLog, run_name
 from sequencer.kept_samples import HeldFiles, HeldRepeat, KeptSamples
-from sequencer.tally import EventTally, planned_damage, total_damage
+from sequencer.tally import EventTally
 
 _DAMAGE: Final = list(Statistic).index(Statistic.DAMAGE)
 _PACE_SHARE: Final = 0.05
@@ -39,8 +39,9 @@ class Progress:
 
     `first_repeat`: First repeat of the recording that is written, `volume`. `announced`: A run of the next repeat that
     was announced before a crash, with an unknown end. `hold`: A hold without a decision. `iterating`: A hold with the
-    decision to iterate again that is not done. `volume_ended`: Whether that recording is closed. `samples`: Repeats of
-    it whose samples are stored in a step. `kept`: Number of repeats whose samples are kept completely.
+    decision to iterate again that is not done. `correcting`: A correction of a drive that was planned before a crash
+    and is not counted. `volume_ended`: Whether that recording is closed. `samples`: Repeats of it whose samples are
+    stored in a step. `kept`: Number of repeats whose samples are kept completely.
     """
 
     tallies: list[EventTally]
@@ -55,6 +56,7 @@ class Progress:
     announced: str = ""
     hold: sequencer_pb2.EnduranceHold | None = None
     iterating: sequencer_pb2.EnduranceHold | None = None
+    correcting: sequencer_pb2.CorrectionPlanned | None = None
     volume_ended: bool = False
     samples: set[int] = field(default_factory=set)
     kept: int = 0
@@ -116,7 +118,14 @@ class EnduranceTest:
             on_wait=self._show_waiting,
         )
         self._corrections = DriveCorrections(
-            plan, bus=bus, log=self._log, tallies=self._tallies, corrected=before.drives, stop=self._stop
+            plan,
+            bus=bus,
+            log=self._log,
+            tallies=self._tallies,
+            corrected=before.drives,
+            damage_of=self._monitor.damage,
+            stop=self._stop,
+            on_counted=self._show_counted,
         )
         self._holds = Holds(self.id, log=self._log, stop=self._stop, last=before.holds, on_wait=self._show_hold)
         # Mean duration of a repeat, with the largest weight for the last ones.
@@ -237,6 +246,10 @@ class EnduranceTest:
                 before.next_repeat, before.announced, "the sequencer or its connection ended while it played"
             )
             before.announced = ""
+        if before.correcting is not None:
+            self._step = f"counting the playbacks of campaign {before.correcting.campaign}"
+            self._corrections.count(before.correcting, on_activity=self._show_correction)
+            before.correcting = None
         self._commit_held(owed, "around an alarm before the sequencer ended")
         self._board.change(self._show_counts)
 
@@ -494,6 +507,11 @@ class EnduranceTest:
 
         self._board.change(change)
 
+    def _show_counted(self, correction: sequencer_pb2.EnduranceCorrection) -> None:
+        self._board.change(self._show_counts)
+        if correction.playbacks or not correction.HasField("damage"):
+            self._board.add_remark(correction.reason)
+
     def _show_counts(self, status: sequencer_pb2.EnduranceStatus) -> None:
         """Show what is counted; called as soon as it is stored, so that status and recording agree."""
         status.played = sum(tally.played for tally in self._tallies)
@@ -502,12 +520,7 @@ class EnduranceTest:
         status.remaining_seconds = left * self._repeat_seconds if self._repeat_seconds else -1.0
         del status.events[:]
         status.events.extend(progress_of_events(self._plan.names, self._tallies))
-        status.damage.CopyFrom(to_array(total_damage(self._tallies)))
-        for name, whole in (("damage_planned_so_far", False), ("damage_planned", True)):
-            planned = planned_damage(self._tallies, whole=whole)
-            status.ClearField(name)
-            if planned is not None:
-                getattr(status, name).CopyFrom(to_array(planned))
+        put_damage(self._tallies, into=status)
         status.recordings, status.recording = self._log.volume, self._log.recording
 
     def _pace(self, seconds: float) -> None:

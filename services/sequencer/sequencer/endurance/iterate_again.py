@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,12 +15,16 @@ from numpy.typing import NDArray
 
 from duralab_bus import Bus, FaultError, message_of_step, recorded_steps
 from duralab_monitoring import Alarm, Measure, Statistic
-from duralab_proto.arrays import from_array, to_record
+from duralab_proto.arrays import ArrayError, from_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_settings import ResolvedUpdate
 from duralab_settings.messages import fill_message, from_message
 
+AWAY: Final = frozenset({query_pb2.FAULT_CODE_UNAVAILABLE, query_pb2.FAULT_CODE_DEADLINE_EXCEEDED})
+"""Fault codes of a query to a recorder that is absent."""
+
 _POLL_SECONDS: Final = 0.5
+_SILENCE_SECONDS: Final = 10.0
 # Chosen on four kinds of wear and two roads, see decision 41.
 _FORGETTING: Final = 0.3
 _PRIOR_STRENGTH: Final = 0.3
@@ -34,7 +40,12 @@ _STATIC: Final = frozenset({Measure.STATIC, Statistic.MEAN})
 _WITH_MEAN: Final = frozenset({Statistic.MIN, Statistic.MAX, Statistic.RMS})
 _KINDS: Final = {
     kind.DESCRIPTOR.full_name: kind
-    for kind in (iterator_pb2.CampaignSpec, identifier_pb2.Model, iterator_pb2.IterationStep)
+    for kind in (
+        iterator_pb2.CampaignSpec,
+        identifier_pb2.Model,
+        iterator_pb2.IterationStep,
+        recorder_pb2.RunPlanned,
+    )
 }
 
 
@@ -95,6 +106,74 @@ def corrected_drive(
             samples = step.drive if step.HasField("drive") else message.drive.samples
             return from_array(samples, field="drive", shape=drive.shape, dtype=np.float64)
     raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {status.best_iteration}.")
+
+
+def wait_for_end(bus: Bus, campaign: str, *, stop: threading.Event, on_activity: Callable[[str], None]) -> None:
+    """Wait until a campaign has ended, which a crash of the sequencer does not end; stop it if `stop` is set.
+
+    A campaign that the iterator does not know, or whose iterator is not heard for 10 s, has ended.
+    """
+    last_heard = time.monotonic()
+    while True:
+        try:
+            status = bus.query(bus.keys.campaign(campaign), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
+            if status.phase in _ENDED:
+                return
+            last_heard = time.monotonic()
+            on_activity(status.activity)
+            if stop.wait(_POLL_SECONDS):
+                request = iterator_pb2.StopCampaignRequest(reason="the endurance test was stopped")
+                bus.query(bus.keys.campaign_stop(campaign), request, iterator_pb2.CampaignStatus)
+                return
+        except FaultError as fault:
+            is_over = fault.code == query_pb2.FAULT_CODE_NOT_FOUND or time.monotonic() > last_heard + _SILENCE_SECONDS
+            if is_over or stop.wait(_POLL_SECONDS):
+                return
+
+
+def playbacks_of(
+    bus: Bus, campaign: str, *, responses: int, damage_of: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> tuple[int, list[NDArray[np.float64]]]:
+    """Return the number of playbacks that a campaign announced, and the damage of those with a recorded response.
+
+    A campaign without a recording announced none. `damage_of`: Returns the damage of a response, shape (responses,).
+    Raises FaultError if its recording cannot be read.
+    """
+    try:
+        return _playbacks(bus, campaign, responses=responses, damage_of=damage_of, with_samples=True)
+    except FaultError as fault:
+        if fault.code == query_pb2.FAULT_CODE_NOT_FOUND:
+            return 0, []
+        if fault.code in AWAY:
+            raise
+    # Samples are missing: their playbacks were announced all the same.
+    return _playbacks(bus, campaign, responses=responses, damage_of=damage_of, with_samples=False)
+
+
+def _playbacks(
+    bus: Bus,
+    campaign: str,
+    *,
+    responses: int,
+    damage_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    with_samples: bool,
+) -> tuple[int, list[NDArray[np.float64]]]:
+    announced: set[str] = set()
+    damage: dict[str, NDArray[np.float64]] = {}
+    for message, step in _steps(bus, campaign, with_samples=with_samples):
+        if isinstance(message, recorder_pb2.RunPlanned):
+            announced.add(message.run)
+        elif isinstance(message, iterator_pb2.IterationStep):
+            if step.HasField("response"):
+                samples = step.response
+            elif message.HasField("response"):
+                samples = message.response.samples
+            else:
+                continue
+            with suppress(ArrayError):
+                response = from_array(samples, field="response", shape=(responses, None), dtype=np.float64)
+                damage[message.run] = damage_of(response)
+    return len(announced), [damage[run] for run in sorted(announced & damage.keys())]
 
 
 def _require_better(status: iterator_pb2.CampaignStatus) -> None:
@@ -216,7 +295,7 @@ def _specification(bus: Bus, parent: str) -> iterator_pb2.CampaignSpec:
 def _steps(
     bus: Bus, recording: str, *, with_samples: bool = False
 ) -> Iterator[tuple[Message, recorder_pb2.RecordedStep]]:
-    """Yield the specification, the model and the iterations of a campaign."""
+    """Yield the specification, the model, the iterations and the announced runs of a campaign."""
     for step in recorded_steps(bus, recording, with_samples=with_samples):
         if step.message_type in _KINDS:
             yield message_of_step(recording, step, _KINDS, of="a campaign"), step
