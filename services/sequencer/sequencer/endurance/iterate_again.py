@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
@@ -100,12 +100,12 @@ def corrected_drive(
             status.fault.code or query_pb2.FAULT_CODE_INTERNAL,
             f"Campaign {id!r} ended early: {status.fault.message or status.activity}",
         )
-    _require_better(status)
+    best = _better_playback(status, _weights(spec))
     for message, step in _steps(bus, id, with_samples=True):
-        if isinstance(message, iterator_pb2.IterationStep) and message.iteration == status.best_iteration:
+        if isinstance(message, iterator_pb2.IterationStep) and message.iteration == best:
             samples = step.drive if step.HasField("drive") else message.drive.samples
             return from_array(samples, field="drive", shape=drive.shape, dtype=np.float64)
-    raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {status.best_iteration}.")
+    raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {best}.")
 
 
 def wait_for_end(bus: Bus, campaign: str, *, stop: threading.Event, on_activity: Callable[[str], None]) -> None:
@@ -176,27 +176,55 @@ def _playbacks(
     return len(announced), [damage[run] for run in sorted(announced & damage.keys())]
 
 
-def _require_better(status: iterator_pb2.CampaignStatus) -> None:
-    """Raise FaultError FAILED_PRECONDITION if no playback of a finished correction is better than the present drive.
+def _better_playback(status: iterator_pb2.CampaignStatus, weights: Mapping[str, float]) -> int:
+    """Return the number of the best playback of a finished correction: the one with the smallest weighted error.
 
-    The present drive is the first drive with its response, or playback 1 if it was played once more.
+    If the target was reached, only the last playback fulfils all criteria.
+    Raises FaultError FAILED_PRECONDITION if it is not better than the present drive: the first drive with its response,
+    or playback 1 if it was played once more.
     """
     numbered = {metrics.iteration: metrics for metrics in status.iterations}
     present = status.first_drive if status.HasField("first_drive") else numbered.get(1)
-    best = numbered.get(status.best_iteration)
-    if present is None or best is None:
+    if present is None or status.best_iteration not in numbered:
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION,
             f"Campaign {status.id!r} has {len(numbered)} playbacks and no best one; the drive stays. See its remarks.",
         )
-    if best.overall_relative_rms_error < present.overall_relative_rms_error:
-        return
+    errors = {number: _weighted_error(metrics, weights) for number, metrics in numbered.items()}
+    if status.outcome == iterator_pb2.OUTCOME_REACHED:
+        errors = {status.best_iteration: errors[status.best_iteration]}
+    best, before = min(errors, key=errors.__getitem__), _weighted_error(present, weights)
+    if errors[best] < before:
+        return best
+    weighted = ", with the campaign's weights," if len(set(weights.values()) - {0.0}) > 1 else ""
     raise FaultError(
         query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-        f"In campaign {status.id!r} no playback was better; the drive stays. Its error in the control band is "
-        f"{present.overall_relative_rms_error:.3g}, that of the best playback {best.overall_relative_rms_error:.3g}: "
-        "continue with it, or look at the specimen.",
+        f"In campaign {status.id!r} no playback was better; the drive stays. Its error in the control band{weighted} "
+        f"is {before:.3g}, that of the best playback {errors[best]:.3g}: continue with it, or look at the specimen.",
     )
+
+
+def _weighted_error(metrics: iterator_pb2.IterationMetrics, weights: Mapping[str, float]) -> float:
+    """Return the root mean square of the channels' weighted errors over that of the weights; the update minimises it.
+
+    With equal weights it is the overall error of the campaign.
+    """
+    pairs = [(weights.get(each.channel, 1.0), each.relative_rms_error) for each in metrics.channels]
+    # A response of weight 0 may have no error, because its target is silent.
+    controlled = [(weight, error) for weight, error in pairs if weight > 0.0]
+    if len({weight for weight, _ in controlled}) <= 1:
+        return metrics.overall_relative_rms_error
+    squares = sum((weight * error) ** 2 for weight, error in controlled)
+    return float(np.sqrt(squares / sum(weight**2 for weight, _ in controlled)))
+
+
+def _weights(spec: iterator_pb2.CampaignSpec) -> dict[str, float]:
+    """Return the weight of each response of a campaign; 1 without weights, 0 for a monitored response."""
+    names = [channel.name for channel in spec.target.channels]
+    weights = np.ones(len(names))
+    if spec.update.HasField("weights"):
+        weights = from_array(spec.update.weights, field="weights", shape=weights.shape, dtype=np.float64)
+    return dict(zip(names, map(float, weights), strict=True))
 
 
 @dataclass(frozen=True)
@@ -232,11 +260,7 @@ def controlled_part(bus: Bus, campaign: str) -> ControlledPart:
     """Return what a recorded campaign controls; raises FaultError if its recording cannot be read."""
     for message, _ in _steps(bus, campaign):
         if isinstance(message, iterator_pb2.CampaignSpec):
-            names = [channel.name for channel in message.target.channels]
-            weights = np.ones(len(names))
-            if message.update.HasField("weights"):
-                weights = from_array(message.update.weights, field="weights", shape=weights.shape, dtype=np.float64)
-            controlled = frozenset(name for name, weight in zip(names, weights, strict=True) if weight > 0.0)
+            controlled = frozenset(name for name, weight in _weights(message).items() if weight > 0.0)
             return ControlledPart(controlled, (message.lowest_frequency, message.highest_frequency))
     raise FaultError(
         query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The recording {campaign!r} holds no specification of a campaign."
