@@ -63,14 +63,15 @@ def damage_so_far(recording: EnduranceRecording) -> np.ndarray:
     return np.cumsum(each, axis=0)
 
 
-def planned_total(recording: EnduranceRecording) -> np.ndarray:
-    """Return the damage in the schedule's plan, otherwise that of all planned repeats; shape (responses,).
-
-    Unknown damage is NaN.
-    """
+def damage_plan(recording: EnduranceRecording) -> np.ndarray:
+    """Return the damage that the test is to reach by the schedule's plan, shape (responses,); NaN without it."""
     plan = recording.schedule.plan
-    if plan is not None and plan.damage is not None:
-        return np.array([plan.damage.get(name, np.nan) for name in recording.responses])
+    given = {} if plan is None or plan.damage is None else plan.damage
+    return np.array([given.get(name, np.nan) for name in recording.responses])
+
+
+def planned_total(recording: EnduranceRecording) -> np.ndarray:
+    """Return the planned damage of all repeats of the schedule, shape (responses,); NaN if unknown."""
     return _planned(recording, np.array(list(recording.schedule.repeats.values())))
 
 

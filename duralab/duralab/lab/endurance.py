@@ -76,7 +76,8 @@ class EnduranceProgress:
         Numbers of played and planned repeats of each event.
     damage, planned, planned_whole : dict of str to float
         Damage by response: counted so far, that of corrections included, planned for the repeats played, and planned
-        for the whole schedule; the last two are empty if unknown.
+        for the whole schedule; the last two are empty if unknown. Planned is the damage of the response measured in the
+        campaign of the drive, for each repeat, as `ScheduleForecast` has it; that of the target for a drive file.
     alarms : int
         Number of alarms so far.
     last_alarms : tuple of str
@@ -201,9 +202,9 @@ def start_endurance(
     for name, event in expected.events.items():
         message = spec.events.add(name=name, source=event.source, campaign=event.campaign)
         message.drive.CopyFrom(drive_signals(event.drive, rig).to_message())
-        planned = event.target or event.response
-        if planned is not None:
-            message.planned_damage.CopyFrom(to_array(_damage(planned, rig, exponent, event=name)))
+        # The damage that the schedule was designed with and that its forecast shows.
+        if event.measured is not None:
+            message.planned_damage.CopyFrom(to_array(_damage(event.measured, rig, exponent, event=name)))
     ask.query(ask.bus.keys.endurance_start(rig.name), spec, sequencer_pb2.EnduranceStatus)
     return EnduranceTest(ask, id, rig.name)
 
