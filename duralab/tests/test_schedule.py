@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,9 +11,13 @@ from test_cli import invoke
 
 import duralab
 from duralab import Channel, Signals, open_recording
+from duralab.data import Rig
 from duralab.formats import write_signals
+from duralab.lab.endurance import start_endurance
 from duralab.schedule import schedule_text
 from duralab_loads import channel_damage
+from duralab_proto.arrays import from_array
+from duralab_proto.keys import Keys
 
 RIG = "front_axle"
 
@@ -58,6 +63,18 @@ def test_the_damage_of_a_schedule_is_that_of_the_measured_responses(folder):
     assert found.forecast.sample_bytes == 2 * 8000 * 6 * 8 + 6 * round(8000 * 12 * 8 * 1.1)
     found.require_playable(free_bytes=10**9)
     assert "500 repeats in 1:06:40 of playing" in str(found)
+
+
+def test_the_planned_damage_of_an_endurance_test_is_that_of_the_forecast(folder):
+    given = duralab.load_schedule(schedule(folder))
+    found = duralab.forecast_schedule(given)
+    asked = []
+    ask = SimpleNamespace(bus=SimpleNamespace(keys=Keys()), query=lambda _key, spec, _answer: asked.append(spec))
+    rig = Rig.from_message(synthetic_campaign.description())
+    start_endurance(ask, rig, given, id="weeks", seed=1, real_time=False, recordings=None)
+    each = [from_array(event.planned_damage, field="planned_damage") for event in asked[0].events]
+    np.testing.assert_allclose(each, [damage(folder, "rough"), damage(folder, "smooth")], rtol=1e-12)
+    np.testing.assert_allclose([400, 100] @ np.array(each), list(found.forecast.damage.values()), rtol=1e-12)
 
 
 def test_a_design_finds_the_mix_that_the_plan_was_made_of(folder):
@@ -173,7 +190,7 @@ def test_a_designed_schedule_is_written_and_read_as_the_same(folder, tmp_path):
     out = tmp_path / "designed.yaml"
     code, stdout, stderr = invoke("schedule", "design", path, "--out", out)
     assert code == 0, stderr
-    assert "Damage over planned damage differs from 1 by" in stdout
+    assert "Planned damage over the damage plan differs from 1 by" in stdout
     written, designed = duralab.load_schedule(out), duralab.design_schedule(duralab.load_schedule(path))
     assert written.repeats == designed.forecast.repeats
     assert np.array_equal(written.sequence(), designed.schedule.sequence())
@@ -217,7 +234,11 @@ def test_a_recording_is_found_by_its_id(folder, tmp_path):
         ("", {"rough": "repeats: 1, target: a.csv"}, "target is a.csv; the recording"),
         ("plan: {damage: {middle: 1.0}}", {}, "plan.damage names middle; the responses are left_vertical"),
         ("plan: {mix: {town: {count: 1.0}}}", {}, "plan.mix names the unknown event 'town'"),
-        ("plan: {damage: {left_vertical: 1.0}}", {}, "times the planned damage into left_vertical, and 1.5 is allowed"),
+        (
+            "plan: {damage: {left_vertical: 1.0}}",
+            {},
+            "times the damage of its plan into left_vertical, and 1.5 is allowed",
+        ),
     ],
 )
 def test_what_must_not_be_played_is_refused_in_one_sentence(folder, text, events, sentence):

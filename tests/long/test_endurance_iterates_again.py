@@ -3,15 +3,19 @@
 from __future__ import annotations
 
 import json
+import time
 from collections import Counter
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 import yaml
 
 import duralab
-from duralab_proto.v1 import iterator_pb2, sequencer_pb2
+from duralab.recording.files import RecordingFiles
+from duralab_proto.arrays import from_array
+from duralab_proto.v1 import iterator_pb2, recorder_pb2, sequencer_pb2
 
 RIG = "front_axle_compliant"
 SCHEDULE = {
@@ -52,6 +56,57 @@ def test_iterating_again_gives_the_event_another_drive_and_the_test_goes_on(shor
     # It began where the campaign ended, on a specimen that is the same: nothing is lost by it.
     before = made.recording.iterations
     assert again.iterations.judged_error.max(axis=1).min() <= 1.2 * before.judged_error.max(axis=1).min()
+
+
+@pytest.mark.timeout(600)
+def test_a_sequencer_that_is_killed_in_a_correction_counts_its_playbacks_once(short_document, tmp_path: Path):
+    campaign, schedule = tmp_path / "made.yaml", tmp_path / "schedule.yaml"
+    campaign.write_text(yaml.safe_dump(short_document | {"name": "made"}))
+    schedule.write_text(yaml.safe_dump(SCHEDULE))
+    lab_of = {"rigs": (RIG, "predecessor"), "recordings": tmp_path / "recordings", "endurance": True}
+    with duralab.start(tmp_path / "out", **lab_of) as lab:
+        lab.run(campaign)
+        test = lab.endure(schedule)
+        test.hold(reason="a bushing was changed")
+        held = test.wait(until_hold=True, timeout_seconds=120.0)
+        while held.played < 2:
+            test.resume()
+            test.hold(reason="a bushing was changed")
+            held = test.wait(until_hold=True, timeout_seconds=120.0)
+        test.decide("iterate_again", hold=held.hold, name="Ada", reason="after the change")
+        until = time.monotonic() + 120.0
+        while "again-road-1.i02" not in recorded_runs(tmp_path / "recordings" / "again-road-1.mcap"):
+            assert time.monotonic() < until, test.progress()
+            time.sleep(0.1)
+        (sequencer,) = [child for child in psutil.Process().children(recursive=True) if "sequencer" in child.cmdline()]
+        sequencer.kill()
+        sequencer.wait(10.0)
+    # After the first resume it holds, and the second one continues to the end.
+    for phase, played in ((duralab.EndurancePhase.HOLDING, held.played), (duralab.EndurancePhase.FINISHED, 24)):
+        with duralab.start(tmp_path / "out", **lab_of) as lab:
+            test = lab.endurance("again")
+            test.resume()
+            progress = test.wait(until_hold=True, timeout_seconds=120.0)
+            assert (progress.phase, progress.played) == (phase, played)
+            announced = recorded_runs(tmp_path / "recordings" / "again-road-1.mcap")
+            assert progress.correction_playbacks == len(announced) >= 2
+            repeats = damage_of(tmp_path / "recordings", sequencer_pb2.EnduranceRepeat)
+            (correction,) = damage_of(tmp_path / "recordings", sequencer_pb2.EnduranceCorrection)
+            np.testing.assert_allclose(list(progress.correction_damage.values()), correction)
+            np.testing.assert_allclose(list(progress.damage.values()), repeats.sum(axis=0) + correction)
+            # Each is about as hard as a repeat.
+            assert np.all(correction > 0.2 * len(announced) * repeats.mean(axis=0))
+
+
+def recorded_runs(path: Path) -> set[str]:
+    if not path.exists():
+        return set()
+    return {step.run for step in RecordingFiles(path).messages(recorder_pb2.RunPlanned)}
+
+
+def damage_of(recordings: Path, kind: type) -> np.ndarray:
+    steps = RecordingFiles(recordings / "again.mcap").messages(kind)
+    return np.array([from_array(step.damage, field="damage") for step in steps])
 
 
 WEARING = "front_axle_wearing"

@@ -8,7 +8,7 @@ from duralab.lazy_face import lazy_face
 
 if TYPE_CHECKING:
     from duralab.analysis.comparison import ChannelComparison, ComparedRecording, Comparison, Recorded, compare
-    from duralab.analysis.endurance import damage_so_far, deviations, planned_so_far, planned_total
+    from duralab.analysis.endurance import damage_plan, damage_so_far, deviations, planned_so_far, planned_total
     from duralab.analysis.signal_summary import ENERGY_SHARE, ChannelSummary, SignalSummary, summarize
 
 __all__ = [
@@ -20,6 +20,7 @@ __all__ = [
     "Recorded",
     "SignalSummary",
     "compare",
+    "damage_plan",
     "damage_so_far",
     "deviations",
     "planned_so_far",

@@ -50,18 +50,28 @@ def _relearnt(recording: EnduranceRecording) -> list[int]:
 
 
 def damage_so_far(recording: EnduranceRecording) -> np.ndarray:
-    """Return the damage counted after each repeat, shape (repeats, responses); unknown damage counts as 0."""
-    return np.cumsum(np.nan_to_num(recording.repeats.damage), axis=0)
+    """Return the damage counted after each repeat, shape (repeats, responses); unknown damage counts as 0.
+
+    The damage of a correction of a drive counts with the repeat before it.
+    """
+    each = np.nan_to_num(recording.repeats.damage)
+    if not len(each):
+        return each
+    before = np.array([step.next_repeat for step in recording.corrections], dtype=np.int64)
+    at = np.clip(np.searchsorted(recording.repeats.repeat, before) - 1, 0, None)
+    np.add.at(each, at, np.nan_to_num(recording.correction_damage))
+    return np.cumsum(each, axis=0)
+
+
+def damage_plan(recording: EnduranceRecording) -> np.ndarray:
+    """Return the damage that the test is to reach by the schedule's plan, shape (responses,); NaN without it."""
+    plan = recording.schedule.plan
+    given = {} if plan is None or plan.damage is None else plan.damage
+    return np.array([given.get(name, np.nan) for name in recording.responses])
 
 
 def planned_total(recording: EnduranceRecording) -> np.ndarray:
-    """Return the damage in the schedule's plan, otherwise that of all planned repeats; shape (responses,).
-
-    Unknown damage is NaN.
-    """
-    plan = recording.schedule.plan
-    if plan is not None and plan.damage is not None:
-        return np.array([plan.damage.get(name, np.nan) for name in recording.responses])
+    """Return the planned damage of all repeats of the schedule, shape (responses,); NaN if unknown."""
     return _planned(recording, np.array(list(recording.schedule.repeats.values())))
 
 

@@ -75,8 +75,9 @@ class EnduranceProgress:
     events : dict of str to tuple of int
         Numbers of played and planned repeats of each event.
     damage, planned, planned_whole : dict of str to float
-        Damage by response: counted so far, planned for the repeats played, and planned for the whole schedule; the last
-        two are empty if unknown.
+        Damage by response: counted so far, that of corrections included, planned for the repeats played, and planned
+        for the whole schedule; the last two are empty if unknown. Planned is the damage of the response measured in the
+        campaign of the drive, for each repeat, as `ScheduleForecast` has it; that of the target for a drive file.
     alarms : int
         Number of alarms so far.
     last_alarms : tuple of str
@@ -93,6 +94,10 @@ class EnduranceProgress:
         Number of repeats recorded with all samples.
     hold_alarms : int
         Number of alarms that caused the hold; 0 if an operator or a fault caused it.
+    correction_playbacks : int
+        Number of playbacks of campaigns that corrected a drive ("iterate again").
+    correction_damage : dict of str to float
+        Part of these playbacks in `damage`, by response; empty in the status of an older sequencer.
     """
 
     id: str
@@ -115,6 +120,8 @@ class EnduranceProgress:
     kept: int
     planned_whole: dict[str, float] = field(default_factory=dict)
     hold_alarms: int = 0
+    correction_playbacks: int = 0
+    correction_damage: dict[str, float] = field(default_factory=dict)
 
     @classmethod
     def from_message(cls, status: sequencer_pb2.EnduranceStatus) -> EnduranceProgress:
@@ -149,6 +156,8 @@ class EnduranceProgress:
             kept=status.kept,
             planned_whole=by_response("damage_planned"),
             hold_alarms=len(status.hold.alarms),
+            correction_playbacks=status.correction_playbacks,
+            correction_damage=by_response("correction_damage"),
         )
 
     def __str__(self) -> str:
@@ -160,6 +169,11 @@ class EnduranceProgress:
             f"{self.played} of {self.repeats} repeats{unknown}{left}; {self.kept} with all samples; "
             f"{self.alarms} alarms",
         ]
+        if self.correction_playbacks:
+            pairs = [(self.damage[name], part) for name, part in self.correction_damage.items()]
+            share = max((part / counted for counted, part in pairs if counted > 0.0), default=0.0)
+            part = f"up to {100.0 * share:.2g} % of the damage of a channel"
+            lines.append(f"{self.correction_playbacks} playbacks corrected drives: {part} is by corrections")
         if self.reason:
             lines.append(f"Hold {self.hold}: {self.reason}" if self.hold else self.reason)
         lines += [*self.last_alarms[-3:], *self.remarks[-3:]]
@@ -188,9 +202,9 @@ def start_endurance(
     for name, event in expected.events.items():
         message = spec.events.add(name=name, source=event.source, campaign=event.campaign)
         message.drive.CopyFrom(drive_signals(event.drive, rig).to_message())
-        planned = event.target or event.response
-        if planned is not None:
-            message.planned_damage.CopyFrom(to_array(_damage(planned, rig, exponent, event=name)))
+        # The damage that the schedule was designed with and that its forecast shows.
+        if event.measured is not None:
+            message.planned_damage.CopyFrom(to_array(_damage(event.measured, rig, exponent, event=name)))
     ask.query(ask.bus.keys.endurance_start(rig.name), spec, sequencer_pb2.EnduranceStatus)
     return EnduranceTest(ask, id, rig.name)
 

@@ -122,6 +122,24 @@ class EnduranceRecording:
         return tuple(step for step in steps if step.end == sequencer_pb2.REPEAT_END_UNKNOWN)
 
     @cached_property
+    def corrections(self) -> tuple[sequencer_pb2.EnduranceCorrection, ...]:
+        """Counted corrections of drives, in order; none in recordings of versions that did not count them."""
+        return tuple(self.messages(sequencer_pb2.EnduranceCorrection))
+
+    @cached_property
+    def correction_damage(self) -> np.ndarray:
+        """Damage of each correction, shape (corrections, responses); NaN if unknown."""
+        shape = (len(self.responses),)
+        with input_errors(), within_contract(self.path):
+            each = [
+                from_array(step.damage, field="damage", shape=shape)
+                if step.HasField("damage")
+                else np.full(shape, np.nan)
+                for step in self.corrections
+            ]
+        return np.array(each, dtype=np.float64).reshape(-1, *shape)
+
+    @cached_property
     def planned_damage(self) -> np.ndarray:
         """Planned damage of one repeat of each event, shape (events, responses); NaN if unknown."""
         shape = (len(self.responses),)

@@ -24,7 +24,7 @@ WINDOW_SECONDS: Final = 2.0
 
 
 def damage_over_plan(recording: EnduranceRecording, planned: np.ndarray) -> Figure:
-    """Return the damage counted after every repeat, as a share of that planned for the whole schedule."""
+    """Return the damage counted after every repeat, as a share of `planned`, shape (responses,)."""
     with np.errstate(divide="ignore", invalid="ignore"):
         share = 100.0 * damage_so_far(recording) / planned
     curves = [
@@ -34,7 +34,7 @@ def damage_over_plan(recording: EnduranceRecording, planned: np.ndarray) -> Figu
     ]
     total = recording.schedule.total_repeats
     even = line("even over the schedule", "@muted", dash="dash", x=[0, total], y=[0, 100])
-    layout = axes(x="repeat", y="damage [% of the planned]", shapes=[level_line(100.0)])
+    layout = axes(x="repeat", y="damage [%]", shapes=[level_line(100.0)])
     return {"data": [*curves, even], "layout": layout}
 
 

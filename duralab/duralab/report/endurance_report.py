@@ -8,7 +8,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from duralab.analysis import deviations, planned_so_far, planned_total
+from duralab.analysis import damage_plan, deviations, planned_so_far, planned_total
 from duralab.errors import InputError
 from duralab.recording import EnduranceRecording
 from duralab.report import endurance_figures as figures
@@ -22,6 +22,12 @@ MOST_ALARMS_DRAWN: Final = 24
 """Maximum number of alarms with drawn samples: aborts first, then the earliest."""
 
 MOST_ALARMS_LISTED: Final = 500
+
+_DAMAGE_HEADS: Final = (
+    *("Channel", "counted", "of it by corrections", "planned so far", "planned in all"),
+    *("over planned so far", "over planned in all"),
+)
+_PLAN_HEADS: Final = ("damage plan", "over the damage plan")
 
 _TONES: Final = {
     sequencer_pb2.ENDURANCE_PHASE_FINISHED: "good",
@@ -48,15 +54,17 @@ def _render(recording: EnduranceRecording) -> str:
         raise InputError(
             f"The recording {recording.path} holds no repeat yet, so there is nothing to report; give one that has."
         )
-    planned, so_far = planned_total(recording), planned_so_far(recording)
-    counted = np.nan_to_num(repeats.damage).sum(axis=0)
+    planned, so_far, plan = planned_total(recording), planned_so_far(recording), damage_plan(recording)
+    has_plan = bool(np.isfinite(plan).any())
+    of_corrections = np.nan_to_num(recording.correction_damage).sum(axis=0)
+    counted = np.nan_to_num(repeats.damage).sum(axis=0) + of_corrections
     drawn = _alarm_figures(recording)
     status, schedule = recording.status, recording.schedule
     titles = [name.replace("_", " ") for name in recording.responses]
     return render(
         "endurance.html.j2",
         figures={
-            "damage": figures.damage_over_plan(recording, planned),
+            "damage": figures.damage_over_plan(recording, plan if has_plan else planned),
             **_trend_figures(recording),
             **{f"alarm-{number}": figure for number, (_, figure) in enumerate(drawn)},
         },
@@ -72,13 +80,17 @@ def _render(recording: EnduranceRecording) -> str:
         total=schedule.total_repeats,
         kept=int(repeats.kept.sum()),
         levels=_levels(recording),
-        is_planned=bool(np.isfinite(planned).any()),
+        is_planned=has_plan or bool(np.isfinite(planned).any()),
+        drawn_over="damage plan" if has_plan else "planned damage of the whole schedule",
+        damage_heads=(*_DAMAGE_HEADS, *(_PLAN_HEADS if has_plan else ())),
         ratio=_ratio_range(counted, so_far),
         events=_event_rows(recording),
         damage=[
-            (title, f"{a:.3g}", _figure(b), _figure(c), _ratio(a, b), _ratio(a, c))
-            for title, a, b, c in zip(titles, counted, so_far, planned, strict=True)
+            (title, f"{a:.3g}", f"{part:.3g}", _figure(b), _figure(c), _ratio(a, b), _ratio(a, c))
+            + ((_figure(d), _ratio(a, d)) if has_plan else ())
+            for title, a, part, b, c, d in zip(titles, counted, of_corrections, so_far, planned, plan, strict=True)
         ],
+        corrections=[step.reason for step in recording.corrections],
         statistics=list(Statistic),
         channel_options=sorted(enumerate(titles), key=lambda option: -_alarms_of(recording, option[0])),
         alarms=[_alarm_row(recording, alarm) for alarm in recording.alarms[:MOST_ALARMS_LISTED]],

@@ -1,4 +1,4 @@
-"""Design and forecast of a schedule: planned damage, repeats, totals."""
+"""Design and forecast of a schedule: damage plan, repeats, totals."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from duralab_schedules import (
 )
 
 _EVENTS = ("event", "repeats", "one repeat", "kept", "drive")
-_CHANNELS = ("channel", "planned damage", "damage", "ratio")
+_CHANNELS = ("channel", "damage plan", "planned damage", "ratio")
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,7 +43,7 @@ class ScheduleForecast:
     events : dict of str to PreparedEvent
         Events with their drives.
     planned : dict of str to float
-        Planned damage by response; empty without a plan.
+        Damage plan by response; empty without a plan.
     forecast : Forecast
         Duration, damage and bytes on disk.
     notes : tuple of str
@@ -58,7 +58,7 @@ class ScheduleForecast:
 
     @property
     def misfit(self) -> float:
-        """Root mean square over the planned channels of (damage / planned damage - 1); NaN without a plan."""
+        """Root mean square over the planned channels of (planned damage / damage plan - 1); NaN without a plan."""
         return float(np.sqrt(np.mean([(ratio - 1.0) ** 2 for ratio in self.forecast.ratio.values()] or [np.nan])))
 
     @property
@@ -126,9 +126,12 @@ class ScheduleForecast:
             "repeats around alarms come on top.",
         ]
         if self.planned:
-            lines.append(
-                f"Damage over planned damage differs from 1 by {self.misfit:.3f} RMS over {len(self.planned)} channels."
-            )
+            lines += [
+                "Planned damage: all repeats, each with the damage of the response measured in its campaign; of its "
+                "target where the drive is a file.",
+                f"Planned damage over the damage plan differs from 1 by {self.misfit:.3f} RMS over {len(self.planned)} "
+                "channels.",
+            ]
         return [*lines, *self.notes]
 
 
@@ -178,7 +181,7 @@ def forecast_schedule(schedule: Schedule, *, recordings: Path | None = None) -> 
         A drive or target cannot be read, a recording missed its target, or repeats are missing.
     """
     events = prepare_events(schedule, recordings=recordings)
-    planned, notes = _planned_damage(schedule, events)
+    planned, notes = _damage_plan(schedule, events)
     return _with_forecast(schedule, events, planned, notes)
 
 
@@ -209,7 +212,7 @@ def design_schedule(schedule: Schedule, *, recordings: Path | None = None) -> Sc
     if all(event.repeats is not None for event in schedule.events.values()):
         raise InputError("Every event has repeats; leave repeats out where they are to be designed.", field="events")
     events = prepare_events(schedule, recordings=recordings)
-    planned, notes = _planned_damage(schedule, events)
+    planned, notes = _damage_plan(schedule, events)
     damage = {name: event.load.damage for name, event in events.items()}
     if unknown := [name for name, value in damage.items() if value is None]:
         raise InputError(
@@ -250,10 +253,8 @@ def _with_forecast(
     return ScheduleForecast(schedule, events, planned, found, notes)
 
 
-def _planned_damage(
-    schedule: Schedule, events: Mapping[str, PreparedEvent]
-) -> tuple[dict[str, float], tuple[str, ...]]:
-    """Return the planned damage of each channel, and notes on channels outside the plan."""
+def _damage_plan(schedule: Schedule, events: Mapping[str, PreparedEvent]) -> tuple[dict[str, float], tuple[str, ...]]:
+    """Return the damage plan of each channel, and notes on channels outside the plan."""
     plan = schedule.plan
     if plan is None:
         return {}, ()

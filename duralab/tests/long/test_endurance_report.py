@@ -12,10 +12,11 @@ import yaml
 from test_cli import invoke
 
 from duralab import InputError, open_recording
-from duralab.analysis import damage_so_far, deviations, planned_so_far, planned_total
+from duralab.analysis import damage_plan, damage_so_far, deviations, planned_so_far, planned_total
 from duralab.recording import EnduranceRecording
 from duralab.report import write_report
 from duralab_monitoring import AlarmKind, Statistic
+from duralab_proto.arrays import to_array
 from duralab_proto.v1 import sequencer_pb2
 
 
@@ -72,14 +73,38 @@ def test_damage_adds_up_and_what_is_not_known_counts_as_planned(made, recording)
     np.testing.assert_allclose(planned_so_far(recording), planned_total(recording))
 
 
-def test_the_plan_of_the_schedule_counts_before_that_of_its_repeats(tmp_path):
+def test_the_damage_of_a_correction_counts_after_the_repeat_before_it_and_is_shown(tmp_path):
+    made = synthetic_endurance.make()
+    sentence = "2 playbacks of campaign weeks-rough-1 count with their damage."
+    part = np.array([1e20, 0.0, 0.0, 0.0, 0.0, 0.0])
+    place = next(n for n, step in enumerate(made.volumes[1]) if getattr(step, "repeat", None) == 71)
+    correction = sequencer_pb2.EnduranceCorrection(
+        campaign="weeks-rough-1", playbacks=2, damage=to_array(part), reason=sentence, next_repeat=71
+    )
+    without = damage_so_far(EnduranceRecording(synthetic_endurance.write(tmp_path, made)))
+    made.volumes[1].insert(place, correction)
+    (tmp_path / "again").mkdir()
+    recording = EnduranceRecording(synthetic_endurance.write(tmp_path / "again", made))
+    expected = without + np.outer(np.arange(120) >= 70, part)
+    np.testing.assert_allclose(damage_so_far(recording), expected)
+    page = write_report(recording.path, tmp_path / "report.html").read_text(encoding="utf-8")
+    assert sentence in page
+    assert "of it by corrections" in page
+    assert f"<td>{expected[-1, 0]:.3g}</td>" in page
+    assert "<td>1e+20</td>" in page
+
+
+def test_the_damage_plan_of_the_schedule_is_shown_beside_the_planned_damage_of_its_repeats(tmp_path, page):
+    assert "damage plan" not in page
     planned = dict.fromkeys(synthetic_endurance.NAMES[:5], 1e20)
     made = synthetic_endurance.make()
     made.volumes[0][0].schedule += yaml.safe_dump({"plan": {"damage": planned}})
     recording = EnduranceRecording(synthetic_endurance.write(tmp_path, made))
-    np.testing.assert_array_equal(planned_total(recording), [1e20] * 5 + [np.nan])
+    np.testing.assert_array_equal(damage_plan(recording), [1e20] * 5 + [np.nan])
+    np.testing.assert_allclose(planned_total(recording), [80, 40] @ recording.planned_damage)
     page = write_report(recording.path, tmp_path / "report.html").read_text(encoding="utf-8")
     assert "not known" in page
+    assert "over the damage plan" in page
 
 
 def test_deviations_are_the_shares_that_the_monitor_raises_alarms_at(made, recording):

@@ -11,6 +11,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from duralab_loads import channel_damage
 from duralab_monitoring.alarms import Alarm, AlarmKind, RepeatVerdict
 from duralab_monitoring.changes import ChangeWatch
 from duralab_monitoring.limits import StatisticLimits
@@ -106,6 +107,29 @@ class Monitor:
         else:
             measures, lag = reference.measures(record)
         return self._judged(repeat, number, RepeatStatistics(table=table, measures=measures, lag=lag))
+
+    def damage(self, response: ArrayLike) -> NDArray[np.float64]:
+        """Return the damage of a response that is not a repeat; the state stays the same.
+
+        Parameters
+        ----------
+        response : array_like, shape (channels, samples)
+            Whole response.
+
+        Returns
+        -------
+        ndarray, shape (channels,)
+            Damage in the channel's unit to the power of the damage exponent, as `Statistic.DAMAGE` of a repeat.
+
+        Raises
+        ------
+        ValueError
+            If the response has another shape or a value that is not finite.
+        """
+        record = as_record(response, name="response")
+        if record.shape[0] != len(self._channels):
+            raise ValueError(f"The response has {record.shape[0]} channels; the rig has {len(self._channels)}.")
+        return channel_damage(record, exponents=(float(self._settings.damage_exponent),))[:, 0]
 
     def replay(self, repeat: int, event: str, statistics: RepeatStatistics, *, baseline: bytes = b"") -> RepeatVerdict:
         """Judge a repeat again from its stored statistics, without its response; restores the same state.

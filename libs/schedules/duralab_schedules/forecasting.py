@@ -72,11 +72,11 @@ class Forecast:
     seconds : float
         Duration of all repeats, without the leads.
     damage : dict of str to float
-        Damage of all repeats by response, over the events with known damage.
+        Planned damage: that of all repeats by response, over the events with known damage.
     unknown_damage : tuple of str
         Events with unknown damage.
     ratio : dict of str to float
-        Damage over planned damage by planned channel; empty without a plan.
+        Planned damage over the damage plan by channel of the plan; empty without a plan.
     sample_bytes, statistics_bytes : int
         Sizes on disk, before compression: drives and kept samples; statistics of every repeat and the baselines.
     """
@@ -108,7 +108,7 @@ def forecast(
     loads : mapping of str to EventLoad
         One repeat of each event.
     planned : mapping of str to float, optional
-        Planned damage by response, above 0.
+        Damage plan by response, above 0.
 
     Returns
     -------
@@ -161,7 +161,7 @@ def kept_repeats(rule: KeepRule, repeats: int) -> int:
 
 
 def require_within_plan(expected: Forecast, schedule: Schedule) -> None:
-    """Refuse a schedule with more damage than planned.
+    """Refuse a schedule with more damage than its damage plan.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def require_within_plan(expected: Forecast, schedule: Schedule) -> None:
     channel, ratio = max(expected.ratio.items(), key=lambda item: item[1])
     if ratio > schedule.plan.largest_ratio:
         raise ScheduleError(
-            f"The schedule {schedule.name} puts {ratio:.3g} times the planned damage into {channel}, and "
+            f"The schedule {schedule.name} puts {ratio:.3g} times the damage of its plan into {channel}, and "
             f"{schedule.plan.largest_ratio:g} is allowed (plan.largest_ratio); design its repeats, or lower them."
         )
 

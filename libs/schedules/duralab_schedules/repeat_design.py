@@ -24,9 +24,9 @@ class Design:
     repeats : ndarray, shape (events,)
         Whole numbers within their bounds.
     damage : ndarray, shape (channels,)
-        Damage of all repeats, in the unit of the planned damage.
+        Damage of all repeats, in the unit of the damage plan.
     residual : ndarray, shape (channels,)
-        Damage over planned damage, less 1: 0 is met, negative is less than planned.
+        Damage over the damage plan, less 1: 0 is met, negative is less than the plan.
     fractional : ndarray, shape (events,)
         Least-squares solution before rounding.
     """
@@ -50,7 +50,7 @@ def design(
     Parameters
     ----------
     damage : array_like, shape (events, channels)
-        Damage of one repeat of each event, 0 or more; in each channel of the same unit as the planned damage.
+        Damage of one repeat of each event, 0 or more; in each channel of the same unit as the damage plan.
     planned : array_like, shape (channels,)
         Damage to reach, above 0.
     at_least, at_most : array_like of int, shape (events,), optional
@@ -80,7 +80,7 @@ def design(
     if not (np.all(np.isfinite(each)) and np.all(each >= 0.0)):
         raise ScheduleError("The damage of an event is negative or not finite; give numbers of 0 or more.")
     if not (np.all(np.isfinite(plan)) and np.all(plan > 0.0)):
-        raise ScheduleError("The planned damage of a channel is not above 0; leave that channel out.")
+        raise ScheduleError("The damage plan of a channel is not above 0; leave that channel out.")
     if (idle := np.flatnonzero(~each.any(axis=0))).size:
         raise ScheduleError(f"No event damages channel {idle[0]}; leave it out of the plan, or add an event that does.")
     low = np.zeros(len(each), dtype=np.int64) if at_least is None else np.asarray(at_least, dtype=np.int64)

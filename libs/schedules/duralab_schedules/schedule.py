@@ -103,7 +103,8 @@ class DamagePlan(Section):
         default=None, min_length=1, description="Number of times that a customer meets each event."
     )
     largest_ratio: Annotated[float, Field(ge=1)] = Field(
-        default=1.5, description="Largest damage of a channel over its planned damage; a schedule above it is refused."
+        default=1.5,
+        description="Largest planned damage of a channel over its damage plan; above it is refused.",
     )
 
     @model_validator(mode="after")

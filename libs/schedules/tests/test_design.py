@@ -99,7 +99,7 @@ def test_bounds_that_are_equal_fix_an_event():
     [
         (np.ones(3), np.ones(3), {}, r"shape \(3,\)"),
         (-np.eye(2), np.ones(2), {}, "negative or not finite"),
-        (np.eye(2), [1.0, 0.0], {}, "planned damage of a channel is not above 0"),
+        (np.eye(2), [1.0, 0.0], {}, "damage plan of a channel is not above 0"),
         ([[1.0, 0.0]], [1.0, 1.0], {}, "No event damages channel 1"),
         (np.eye(2), np.ones(2), {"at_least": [2, 0], "at_most": [1, 5]}, "bounds of the repeats do not fit"),
     ],

@@ -53,7 +53,7 @@ def test_more_damage_than_planned_is_refused():
     plan = DamagePlan(damage={"left": 200.0, "right": 50.0}, largest_ratio=1.9)
     given = schedule(plan=plan)
     expected = forecast(given, LOADS, planned=plan.damage)
-    with pytest.raises(ScheduleError, match=r"puts 2 times the planned damage into right, and 1\.9 is allowed"):
+    with pytest.raises(ScheduleError, match=r"puts 2 times the damage of its plan into right, and 1\.9 is allowed"):
         require_within_plan(expected, given)
     require_within_plan(expected, schedule(plan=plan.model_copy(update={"largest_ratio": 2.0})))
     require_within_plan(expected, schedule())

@@ -207,8 +207,34 @@ class EnduranceDrive(_message.Message):
     campaign: str
     def __init__(self, event: _Optional[int] = ..., number: _Optional[int] = ..., drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., campaign: _Optional[str] = ...) -> None: ...
 
+class CorrectionPlanned(_message.Message):
+    __slots__ = ("event", "campaign")
+    EVENT_FIELD_NUMBER: _ClassVar[int]
+    CAMPAIGN_FIELD_NUMBER: _ClassVar[int]
+    event: int
+    campaign: str
+    def __init__(self, event: _Optional[int] = ..., campaign: _Optional[str] = ...) -> None: ...
+
+class EnduranceCorrection(_message.Message):
+    __slots__ = ("event", "campaign", "playbacks", "unknown", "damage", "reason", "next_repeat")
+    EVENT_FIELD_NUMBER: _ClassVar[int]
+    CAMPAIGN_FIELD_NUMBER: _ClassVar[int]
+    PLAYBACKS_FIELD_NUMBER: _ClassVar[int]
+    UNKNOWN_FIELD_NUMBER: _ClassVar[int]
+    DAMAGE_FIELD_NUMBER: _ClassVar[int]
+    REASON_FIELD_NUMBER: _ClassVar[int]
+    NEXT_REPEAT_FIELD_NUMBER: _ClassVar[int]
+    event: int
+    campaign: str
+    playbacks: int
+    unknown: int
+    damage: _array_pb2.Array
+    reason: str
+    next_repeat: int
+    def __init__(self, event: _Optional[int] = ..., campaign: _Optional[str] = ..., playbacks: _Optional[int] = ..., unknown: _Optional[int] = ..., damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., reason: _Optional[str] = ..., next_repeat: _Optional[int] = ...) -> None: ...
+
 class EventProgress(_message.Message):
-    __slots__ = ("name", "planned", "played", "unknown", "damage", "measured", "drive", "measured_damage")
+    __slots__ = ("name", "planned", "played", "unknown", "damage", "measured", "drive", "measured_damage", "correction_playbacks", "correction_damage")
     NAME_FIELD_NUMBER: _ClassVar[int]
     PLANNED_FIELD_NUMBER: _ClassVar[int]
     PLAYED_FIELD_NUMBER: _ClassVar[int]
@@ -217,6 +243,8 @@ class EventProgress(_message.Message):
     MEASURED_FIELD_NUMBER: _ClassVar[int]
     DRIVE_FIELD_NUMBER: _ClassVar[int]
     MEASURED_DAMAGE_FIELD_NUMBER: _ClassVar[int]
+    CORRECTION_PLAYBACKS_FIELD_NUMBER: _ClassVar[int]
+    CORRECTION_DAMAGE_FIELD_NUMBER: _ClassVar[int]
     name: str
     planned: int
     played: int
@@ -225,7 +253,9 @@ class EventProgress(_message.Message):
     measured: int
     drive: int
     measured_damage: _array_pb2.Array
-    def __init__(self, name: _Optional[str] = ..., planned: _Optional[int] = ..., played: _Optional[int] = ..., unknown: _Optional[int] = ..., damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., measured: _Optional[int] = ..., drive: _Optional[int] = ..., measured_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+    correction_playbacks: int
+    correction_damage: _array_pb2.Array
+    def __init__(self, name: _Optional[str] = ..., planned: _Optional[int] = ..., played: _Optional[int] = ..., unknown: _Optional[int] = ..., damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., measured: _Optional[int] = ..., drive: _Optional[int] = ..., measured_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., correction_playbacks: _Optional[int] = ..., correction_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class EnduranceVolume(_message.Message):
     __slots__ = ("id", "rig", "number", "first_repeat", "columns", "events", "monitor", "baselines", "alarms", "kept_before", "drives", "holds", "kept")
@@ -294,7 +324,7 @@ class EnduranceRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class EnduranceStatus(_message.Message):
-    __slots__ = ("id", "rig", "phase", "activity", "repeats", "played", "unknown", "remaining_seconds", "events", "responses", "damage", "damage_planned_so_far", "damage_planned", "alarms", "last_alarms", "last_repeat", "last_event", "last_statistics", "columns", "hold", "recordings", "recording", "remarks", "fault", "kept")
+    __slots__ = ("id", "rig", "phase", "activity", "repeats", "played", "unknown", "remaining_seconds", "events", "responses", "damage", "damage_planned_so_far", "damage_planned", "alarms", "last_alarms", "last_repeat", "last_event", "last_statistics", "columns", "hold", "recordings", "recording", "remarks", "fault", "kept", "correction_playbacks", "correction_damage")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     PHASE_FIELD_NUMBER: _ClassVar[int]
@@ -320,6 +350,8 @@ class EnduranceStatus(_message.Message):
     REMARKS_FIELD_NUMBER: _ClassVar[int]
     FAULT_FIELD_NUMBER: _ClassVar[int]
     KEPT_FIELD_NUMBER: _ClassVar[int]
+    CORRECTION_PLAYBACKS_FIELD_NUMBER: _ClassVar[int]
+    CORRECTION_DAMAGE_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     phase: EndurancePhase
@@ -345,7 +377,9 @@ class EnduranceStatus(_message.Message):
     remarks: _containers.RepeatedScalarFieldContainer[str]
     fault: _query_pb2.Fault
     kept: int
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., phase: _Optional[_Union[EndurancePhase, str]] = ..., activity: _Optional[str] = ..., repeats: _Optional[int] = ..., played: _Optional[int] = ..., unknown: _Optional[int] = ..., remaining_seconds: _Optional[float] = ..., events: _Optional[_Iterable[_Union[EventProgress, _Mapping]]] = ..., responses: _Optional[_Iterable[str]] = ..., damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., damage_planned_so_far: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., damage_planned: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., alarms: _Optional[int] = ..., last_alarms: _Optional[_Iterable[_Union[EnduranceAlarm, _Mapping]]] = ..., last_repeat: _Optional[int] = ..., last_event: _Optional[int] = ..., last_statistics: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., columns: _Optional[_Iterable[str]] = ..., hold: _Optional[_Union[EnduranceHold, _Mapping]] = ..., recordings: _Optional[int] = ..., recording: _Optional[str] = ..., remarks: _Optional[_Iterable[str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., kept: _Optional[int] = ...) -> None: ...
+    correction_playbacks: int
+    correction_damage: _array_pb2.Array
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., phase: _Optional[_Union[EndurancePhase, str]] = ..., activity: _Optional[str] = ..., repeats: _Optional[int] = ..., played: _Optional[int] = ..., unknown: _Optional[int] = ..., remaining_seconds: _Optional[float] = ..., events: _Optional[_Iterable[_Union[EventProgress, _Mapping]]] = ..., responses: _Optional[_Iterable[str]] = ..., damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., damage_planned_so_far: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., damage_planned: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., alarms: _Optional[int] = ..., last_alarms: _Optional[_Iterable[_Union[EnduranceAlarm, _Mapping]]] = ..., last_repeat: _Optional[int] = ..., last_event: _Optional[int] = ..., last_statistics: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., columns: _Optional[_Iterable[str]] = ..., hold: _Optional[_Union[EnduranceHold, _Mapping]] = ..., recordings: _Optional[int] = ..., recording: _Optional[str] = ..., remarks: _Optional[_Iterable[str]] = ..., fault: _Optional[_Union[_query_pb2.Fault, _Mapping]] = ..., kept: _Optional[int] = ..., correction_playbacks: _Optional[int] = ..., correction_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
 
 class StopEnduranceRequest(_message.Message):
     __slots__ = ("reason",)

@@ -129,6 +129,8 @@ def endurance_document(progress: EnduranceProgress, *, ended: bool, age: float, 
             ]
             for name, counted in progress.damage.items()
         ],
+        "correction_playbacks": progress.correction_playbacks,
+        "correction_damage": {name: number(part) for name, part in progress.correction_damage.items()},
         "alarms": progress.alarms,
         "hold": progress.hold,
         "hold_alarms": progress.hold_alarms,

@@ -23,6 +23,18 @@ def damage_ratio(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
     return {name: float(damage / plan) for name, damage, plan in pairs if plan > 0.0}
 
 
+def correction_damage_ratio(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
+    """Return the part of corrections of drives in `damage_ratio`; empty if the planned damage is unknown."""
+    if not (status.HasField("correction_damage") and status.HasField("damage_planned_so_far")):
+        return {}
+    of_corrections, planned = (
+        from_array(array, field="damage", shape=(len(status.responses),))
+        for array in (status.correction_damage, status.damage_planned_so_far)
+    )
+    pairs = zip(status.responses, of_corrections, planned, strict=True)
+    return {name: float(damage / plan) for name, damage, plan in pairs if plan > 0.0}
+
+
 def residual(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
     """Return the residual of each response in the last repeat, all bands together, as a share of its RMS."""
     if not status.HasField("last_statistics"):
@@ -35,7 +47,14 @@ def residual(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
 
 
 CHANNEL_FIGURES: Final[Mapping[str, tuple[str, Callable[[sequencer_pb2.EnduranceStatus], Mapping[str, float]]]]] = {
-    "damage_ratio": ("Damage of a response over the planned damage of the repeats played", damage_ratio),
+    "damage_ratio": (
+        "Damage of a response, that of corrections included, over the planned damage of the repeats played",
+        damage_ratio,
+    ),
+    "correction_damage_ratio": (
+        "Damage of the playbacks that corrected drives over the planned damage of the repeats played",
+        correction_damage_ratio,
+    ),
     "residual": ("Residual of a response against its baseline in the last repeat, as a share of its RMS", residual),
 }
 """Description of each figure and its function of a status, by the end of the figure's name."""

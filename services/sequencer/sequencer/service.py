@@ -244,6 +244,11 @@ class SequencerService:
             ("repeats", "Repeats of the schedule", lambda status: status.repeats),
             ("played", "Repeats counted as played", lambda status: status.played),
             ("unknown", "Repeats counted as played whose end is not known", lambda status: status.unknown),
+            (
+                "correction_playbacks",
+                "Playbacks of campaigns that corrected a drive",
+                lambda status: status.correction_playbacks,
+            ),
             ("alarms", "Alarms so far", lambda status: status.alarms),
             ("kept", "Repeats recorded with all samples", lambda status: status.kept),
             (

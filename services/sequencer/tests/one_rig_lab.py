@@ -12,6 +12,8 @@ from duralab_proto.v1 import array_pb2, iterator_pb2, query_pb2, recorder_pb2, r
 from sequencer.endurance.endurance_test import EnduranceTest, Progress
 from sequencer.endurance.messages import column_names
 from sequencer.endurance.plan import plan_endurance
+from sequencer.endurance.recorded import RecordedTest, RecordedVolume
+from sequencer.endurance.resumption import recorded_progress
 from sequencer.endurance.status_board import EnduranceBoard
 
 RIG, RATE, SAMPLES = "bench", 100.0, 400
@@ -47,6 +49,7 @@ class OneRigLab:
         self.played, self.campaigns, self.steps = [], [], []
         self.interrupt_from = 1_000_000
         self._change, self._made_by = change, made_by
+        self.recordings = {} if made_by is None else {"made": [made_by]}
 
     def query(self, key, request, answer, **others):
         match request:
@@ -60,11 +63,24 @@ class OneRigLab:
                 self.steps.append((request.message_type.rpartition(".")[2], request.payload))
                 return answer(step=request.step, payload_hash=hashlib.sha256(request.payload).hexdigest())
             case recorder_pb2.ReadStepsRequest():
-                payload, kind = self._made_by.SerializeToString(), self._made_by.DESCRIPTOR.full_name
-                return answer(steps=[recorder_pb2.RecordedStep(message_type=kind, payload=payload)], total=1)
+                return self._recorded(key, request, answer)
+            case iterator_pb2.CampaignRequest():
+                raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, "There is no such campaign.")
             case rig_pb2.StopRequest():
                 return answer(mode=rig_pb2.RIG_MODE_INTERLOCKED)
         raise AssertionError(f"{key} of {type(request).__name__} is not expected.")
+
+    def _recorded(self, key, request, answer):
+        for id, messages in self.recordings.items():
+            if key == self.keys.recording_steps(id):
+                steps = [
+                    recorder_pb2.RecordedStep(
+                        step=number, message_type=each.DESCRIPTOR.full_name, payload=each.SerializeToString()
+                    )
+                    for number, each in enumerate(messages)
+                ]
+                return answer(steps=steps[request.first :], total=len(steps))
+        raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, "There is no such recording.")
 
     def live(self, *_):
         return False
@@ -79,8 +95,8 @@ class OneRigLab:
         response = self._change(repeat, 1000.0 * np.vstack([DRIVE, DRIVE]) + noise)
         return answer(run=request.run, response=to_record(DESCRIPTION.responses, RATE, response))
 
-    def test(self, *, repeats, more="", events=1):
-        """Return a started endurance test and its board."""
+    def test(self, *, repeats, more="", events=1, recorded=None):
+        """Return a started endurance test and its board; it continues after the messages of a recording, if given."""
         names = [f"road_{number}" for number in range(events)]
         schedule = (
             f"name: weeks\nrig: {RIG}\norder: in_order\nevents:\n"
@@ -97,6 +113,11 @@ class OneRigLab:
         )
         board = EnduranceBoard(status, publish=lambda _: None)
         before = Progress(tallies=plan.fresh_tallies(), monitor=plan.fresh_monitor())
+        if recorded is not None:
+            volume = RecordedVolume(number=1)
+            for message in recorded:
+                volume.take(message)
+            before = recorded_progress(RecordedTest(spec, volume), plan)
         test = EnduranceTest(
             plan,
             before,

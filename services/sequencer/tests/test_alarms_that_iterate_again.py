@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from duralab_proto.v1 import sequencer_pb2
-from sequencer.endurance import endurance_test
+from sequencer.endurance import drive_corrections
 
 from .one_rig_lab import DRIVE, OneRigLab, campaign, decide, holding_or_ended, wait_for
 
@@ -22,7 +22,7 @@ def corrections(monkeypatch):
         made.append(id)
         return DRIVE
 
-    monkeypatch.setattr(endurance_test, "corrected_drive", correct)
+    monkeypatch.setattr(drive_corrections, "corrected_drive", correct)
     return made
 
 
@@ -75,6 +75,50 @@ def test_an_alarm_that_no_drive_corrects_holds_the_test(corrections, change, mad
     assert corrections == []
     test.stop("enough", latch=False)
     assert board.wait_ended(10.0)
+
+
+def both_from_repeat(first, *, body):
+    def change(repeat, response):
+        if repeat >= first:
+            response[0] *= 1.5
+            response[1] *= body
+        return response
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("body", "actions", "of_body"),
+    [
+        (1.5, "{warning: iterate_again, abort: iterate_again}", sequencer_pb2.ALARM_ACTION_ITERATE_AGAIN),
+        (1.05, "{warning: log, abort: iterate_again}", sequencer_pb2.ALARM_ACTION_LOG),
+    ],
+)
+def test_an_alarm_that_no_drive_corrects_is_not_learned_away_with_one_that_a_drive_corrects(
+    corrections, body, actions, of_body
+):
+    lab = OneRigLab(change=both_from_repeat(12, body=body), made_by=campaign(weights=[1.0, 0.0]))
+    settings = AGAIN.replace("{warning: iterate_again, abort: iterate_again}", actions)
+    test, board = lab.test(repeats=20, more=settings)
+    status = wait_for(board, holding_or_ended)
+    assert status.phase == sequencer_pb2.ENDURANCE_PHASE_HOLDING, status
+    assert {alarm.channel for alarm in status.hold.alarms} == {"force", "body"}
+    assert {alarm.action for alarm in status.hold.alarms if alarm.channel == "body"} == {of_body}
+    assert status.hold.reason.startswith("body")
+    assert (
+        "No drive of road_0 corrects this alarm: body is not controlled, its weight is 0. A correction of the other "
+        "alarms would learn its baseline again." in status.hold.reason
+    )
+    decide(test, status, sequencer_pb2.ENDURANCE_DECISION_KIND_CONTINUE)
+    assert wait_for(board, holding_or_ended_after(status.hold)).phase == sequencer_pb2.ENDURANCE_PHASE_FINISHED
+    assert corrections == []
+    repeats = [sequencer_pb2.EnduranceRepeat.FromString(step) for kind, step in lab.steps if kind == "EnduranceRepeat"]
+    assert all(repeat.baseline for repeat in repeats[:3])
+    assert not any(repeat.baseline for repeat in repeats[3:])
+
+
+def holding_or_ended_after(hold):
+    return lambda status: holding_or_ended(status) and status.hold.number != hold.number
 
 
 def test_a_static_change_in_a_band_from_0_hz_corrects_the_drive(corrections):

@@ -42,13 +42,21 @@ def test_a_message_holds_the_settings_also_where_it_had_none_of_the_secant_updat
     assert from_message(message, ResolvedUpdate) == wanted
 
 
+def put_error(metrics, error):
+    """Set the overall error, or that of each channel and their root mean square."""
+    channels = np.atleast_1d(error)
+    metrics.overall_relative_rms_error = np.sqrt(np.mean(np.square(channels)))
+    for name, each in zip("ab", channels, strict=False):
+        metrics.channels.add(channel=name, relative_rms_error=each)
+
+
 def finished(*errors, best, first=None):
     phase = iterator_pb2.CAMPAIGN_PHASE_FINISHED
     status = iterator_pb2.CampaignStatus(id="again", phase=phase, best_iteration=best)
     for number, error in enumerate(errors, start=1):
-        status.iterations.add(iteration=number, overall_relative_rms_error=error)
+        put_error(status.iterations.add(iteration=number), error)
     if first is not None:
-        status.first_drive.overall_relative_rms_error = first
+        put_error(status.first_drive, first)
     return status
 
 
@@ -67,7 +75,11 @@ def correct(monkeypatch):
     stored = [(step, recorder_pb2.RecordedStep()) for step in steps]
     monkeypatch.setattr(iterate_again, "_steps", lambda *_, **__: stored)
 
-    def corrected(status, *, response):
+    def corrected(status, *, response, weights=None):
+        if weights is not None:
+            parent.target.channels.extend([array_pb2.Channel(name=name, unit="N") for name in "ab"])
+            parent.update.weights.CopyFrom(to_array(np.array(weights)))
+            parent.update.iteration_gain.CopyFrom(to_array(np.ones(2)))
         bus = SimpleNamespace(keys=Keys(), query=lambda *_: status)
         return iterate_again.corrected_drive(
             bus,
@@ -106,3 +118,33 @@ def test_a_present_drive_that_is_played_once_more_competes_as_the_first_playback
 def test_a_correction_without_a_best_playback_leaves_the_drive(correct):
     with pytest.raises(FaultError, match="'again' has 1 playbacks and no best one; the drive stays"):
         correct(finished(0.1, best=0, first=0.2), response=DRIVE)
+
+
+def test_the_best_playback_is_chosen_with_the_weights_of_the_campaign(correct):
+    # Over both channels alike, playback 1 has the smallest error; with three times the weight on a, playback 2.
+    ended = finished((0.2, 0.1), (0.1, 0.22), (0.3, 0.3), best=1, first=(0.4, 0.4))
+    np.testing.assert_array_equal(correct(ended, response=DRIVE, weights=[3.0, 1.0]), 2.0 * DRIVE)
+
+
+def test_equal_weights_choose_as_the_campaign_does(correct):
+    ended = finished((0.2, 0.1), (0.1, 0.22), best=1, first=(0.4, 0.4))
+    np.testing.assert_array_equal(correct(ended, response=DRIVE, weights=[3.0, 3.0]), DRIVE)
+
+
+def test_a_playback_that_is_better_in_a_channel_of_little_weight_only_leaves_the_drive(correct):
+    ended = finished((0.21, 0.1), best=1, first=(0.2, 0.3))
+    with pytest.raises(FaultError, match=r"no playback was better.*, with the campaign's weights, is 0\.203, .* 0"):
+        correct(ended, response=DRIVE, weights=[3.0, 0.5])
+
+
+def test_after_the_target_was_reached_the_last_playback_is_taken(correct):
+    ended = finished((0.1, 0.3), (0.2, 0.2), best=2, first=(0.4, 0.4))
+    ended.outcome = iterator_pb2.OUTCOME_REACHED
+    np.testing.assert_array_equal(correct(ended, response=DRIVE, weights=[3.0, 1.0]), 2.0 * DRIVE)
+
+
+def test_a_monitored_response_has_no_part_in_the_choice(correct):
+    ended = finished((0.2, np.nan), (0.1, np.nan), best=2, first=(0.4, np.nan))
+    for metrics in (*ended.iterations, ended.first_drive):
+        metrics.overall_relative_rms_error = metrics.channels[0].relative_rms_error
+    np.testing.assert_array_equal(correct(ended, response=DRIVE, weights=[3.0, 0.0]), 2.0 * DRIVE)

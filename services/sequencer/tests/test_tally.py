@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sequencer.tally import EventTally, planned_damage, total_damage
+from sequencer.tally import EventTally, correction_damage, planned_damage, total_damage
 
 PLANNED = np.array([3.0, 1.0])
 
@@ -48,6 +48,18 @@ def test_planned_damage_is_that_of_what_was_played_or_of_the_whole_schedule():
     np.testing.assert_array_equal(planned_damage([first, second], whole=False), [3.0 + 1.0, 1.0])
     np.testing.assert_array_equal(planned_damage([first, second], whole=True), [12.0 + 5.0, 4.0])
     np.testing.assert_array_equal(total_damage([first, second]), [1.0, 0.0])
+
+
+def test_a_correction_adds_damage_and_neither_a_repeat_nor_a_plan():
+    event = tally()
+    event.count_measured(np.array([2.0, 5.0]))
+    event.count_correction(2, np.array([0.5, 1.0]))
+    event.count_correction(1, None)
+    assert (event.played, event.measured, event.correction_playbacks) == (1, 1, 3)
+    np.testing.assert_array_equal(event.damage, [2.5, 6.0])
+    np.testing.assert_array_equal(event.measured_damage, [2.0, 5.0])
+    np.testing.assert_array_equal(correction_damage([event, tally()]), [0.5, 1.0])
+    np.testing.assert_array_equal(planned_damage([event], whole=False), PLANNED)
 
 
 @pytest.mark.parametrize("whole", [True, False])

@@ -82,12 +82,13 @@ function Schedule({ test, known }) {
 
 function Damage({ test }) {
   const off = (ratio) => ratio !== null && (ratio > 1.2 || ratio < 0.8);
-  return html`<${Table} caption="Damage against plan" heads=${["response", "counted", "planned so far", "of that", "of the whole plan"]}
+  const corrected = test.correction_playbacks > 0;
+  return html`<div><${Table} caption="Damage against plan" heads=${["response", "counted", ...(corrected ? ["of it by corrections"] : []), "planned so far", "over planned so far", "over planned in all"]}
     rows=${test.damage.map(([name, counted, planned, whole]) => {
       const ratio = planned ? counted / planned : null;
-      return { className: off(ratio) ? "off" : "", cells: [name, figure(counted), figure(planned), html`${off(ratio) ? html`<span aria-hidden="true">${ratio > 1 ? "↑" : "↓"}</span> ` : ""}${share(ratio)}`,
+      return { className: off(ratio) ? "off" : "", cells: [name, figure(counted), ...(corrected ? [figure(test.correction_damage[name])] : []), figure(planned), html`${off(ratio) ? html`<span aria-hidden="true">${ratio > 1 ? "↑" : "↓"}</span> ` : ""}${share(ratio)}`,
         html`${share(whole ? counted / whole : null)} ${whole ? html`<meter min="0" max="1" value=${counted / whole} aria-label=${`share of the planned damage of ${name}`}></meter>` : ""}`] };
-    })} />`;
+    })} /><p>Planned: each repeat with the damage of the response measured in the campaign of its drive.</p></div>`;
 }
 
 // Limits as steps over the repeats: each counts from its first repeat to that of the next of its kind.

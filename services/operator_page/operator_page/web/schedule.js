@@ -37,7 +37,8 @@ function Forecast({ forecast }) {
     ${forecast.rig !== state.rig && html`<p class="notice">It plays on the rig ${forecast.rig}, not on ${state.rig}.</p>`}
     ${forecast.notes.map((note) => html`<p class="notice">${note}</p>`)}
     <div class="beside"><${Table} caption="Events" heads=${["event", "repeats", "one repeat", "kept", "drive"]} rows=${forecast.events.map(([event, repeats, seconds, kept, source]) => [event, repeats, span(seconds), kept, html`<span class="wrapped">${source}</span>`])} />
-    ${forecast.channels.length > 0 && html`<${Table} caption="Damage of the whole schedule" heads=${["response", "planned", "expected", "ratio"]} rows=${forecast.channels.map(([channel, planned, damage, ratio]) => [channel, figure(planned), figure(damage), figure(ratio)])} />`}</div>`;
+    ${forecast.channels.length > 0 && html`<${Table} caption="Damage of the whole schedule" heads=${["response", "damage plan", "planned damage", "ratio"]} rows=${forecast.channels.map(([channel, planned, damage, ratio]) => [channel, figure(planned), figure(damage), figure(ratio)])} />`}</div>
+    ${forecast.channels.length > 0 && html`<p>Planned damage: all repeats, each with the damage of the response measured in the campaign of its drive.</p>`}`;
 }
 
 const eventName = (id) => id.replace(/[^a-z0-9_]/g, "_").replace(/^[^a-z]+/, "") || "event";

@@ -153,6 +153,11 @@ def _check_repeat_samples(message: sequencer_pb2.RepeatSamples) -> None:
     from_record(message.response, field="response")
 
 
+def _check_correction(message: sequencer_pb2.EnduranceCorrection) -> None:
+    if message.HasField("damage"):
+        from_array(message.damage, field="damage", shape=(None,), dtype=np.float64)
+
+
 def _check_run_name(run: str) -> None:
     try:
         check_run(run)
@@ -210,6 +215,8 @@ _CHECKS: Final[dict[type[Message], Callable[[Any], object]]] = {
     sequencer_pb2.EnduranceVolume: _check_endurance,
     sequencer_pb2.EnduranceRepeat: _check_repeat,
     sequencer_pb2.RepeatSamples: _check_repeat_samples,
+    sequencer_pb2.CorrectionPlanned: lambda _: None,
+    sequencer_pb2.EnduranceCorrection: _check_correction,
     sequencer_pb2.EnduranceDrive: lambda message: from_record(message.drive, field="drive"),
     sequencer_pb2.EnduranceHold: lambda _: None,
     sequencer_pb2.EnduranceDecision: lambda _: None,

@@ -42,6 +42,7 @@ EnduranceStep = (
     sequencer_pb2.EnduranceSpec
     | sequencer_pb2.EnduranceVolume
     | sequencer_pb2.EnduranceRepeat
+    | sequencer_pb2.EnduranceCorrection
     | sequencer_pb2.EnduranceHold
     | sequencer_pb2.EnduranceDecision
     | sequencer_pb2.EnduranceStatus
@@ -64,6 +65,7 @@ class EnduranceDrawing:
         self._whole: np.ndarray | None = None
         self._pending: Piece[sequencer_pb2.EnduranceRepeat] = Piece()
         self._last = -1
+        self._corrections: set[str] = set()
         self._alarms: deque[sequencer_pb2.EnduranceAlarm] = deque(maxlen=ALARMS_LISTED)
         self._said = ""
 
@@ -85,6 +87,8 @@ class EnduranceDrawing:
                 self._volume = step
             case sequencer_pb2.EnduranceRepeat():
                 self._take(step)
+            case sequencer_pb2.EnduranceCorrection():
+                self._count(step)
             case sequencer_pb2.EnduranceHold():
                 self._say(f"**Waits before repeat {step.next_repeat}**: {step.reason}")
             case sequencer_pb2.EnduranceDecision():
@@ -138,6 +142,14 @@ class EnduranceDrawing:
             self.draw()
         if step.alarms:
             self._list_alarms()
+
+    def _count(self, step: sequencer_pb2.EnduranceCorrection) -> None:
+        """Add the damage of a correction; the points of the next repeats show it."""
+        if self._damage is None or step.campaign in self._corrections or not step.HasField("damage"):
+            return
+        self._corrections.add(step.campaign)
+        self.draw()
+        self._damage = self._damage + from_array(step.damage, field="damage", shape=self._damage.shape)
 
     def _draw_trends(
         self, event: str, columns: list[str], repeats: list[sequencer_pb2.EnduranceRepeat], shape: tuple[int, int]

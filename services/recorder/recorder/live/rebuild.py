@@ -42,6 +42,7 @@ SHOWN: Final[dict[str, type[Message]]] = {
         rig_pb2.RigDescription,
         rig_pb2.RigState,
         rig_pb2.SignalBlock,
+        sequencer_pb2.EnduranceCorrection,
         sequencer_pb2.EnduranceDecision,
         sequencer_pb2.EnduranceHold,
         sequencer_pb2.EnduranceRepeat,

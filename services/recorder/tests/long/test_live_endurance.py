@@ -13,6 +13,7 @@ from duralab_proto.v1 import array_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 from recorder import rebuild_view
 from recorder.live import LiveView
 from recorder.log import Archive
+from recorder.refused import RefusedError
 
 EVENTS = ("rough", "smooth")
 CHANNELS = ("left_vertical", "right_vertical")
@@ -129,3 +130,33 @@ def test_a_later_recording_goes_on_with_the_damage_of_those_before(tmp_path, rer
     )
     assert "85.0" in printed
     assert rows_of(rerun_program, viewer_environment, "/damage/left_vertical", file) == 10 + 1
+
+
+def test_the_damage_of_a_correction_counts_from_the_next_repeat_on(tmp_path, rerun_program, viewer_environment):
+    file = tmp_path / "corrected.rrd"
+    view = LiveView("weeks-v0002", file=file, viewer=None)
+    correction = sequencer_pb2.EnduranceCorrection(
+        event=1, campaign="weeks-smooth-1", playbacks=2, damage=to_array(np.array([6.0, 0.0])), next_repeat=50
+    )
+    for place, step in enumerate(steps(first=50, known_before=25)):
+        view.show_step(step)
+        if place == 1:
+            # Twice, as a view gets it that begins while its recording is written.
+            view.show_step(correction)
+            view.show_step(correction)
+    assert view.close()
+    # 51 of 60 and the 6 of the correction, then 60 and 6.
+    printed = run_rerun(
+        rerun_program, viewer_environment, "rrd", "print", "-vvv", "--entity", "/damage/left_vertical", file
+    )
+    assert "[95.0]" in printed
+    assert "[110.0]" in printed
+
+
+def test_a_correction_is_a_step_that_the_recorder_accepts(step_of):
+    correction = sequencer_pb2.EnduranceCorrection(campaign="a", damage=to_array(np.zeros((2, 2))))
+    step_of(0, sequencer_pb2.CorrectionPlanned(campaign="a"))
+    with pytest.raises(RefusedError, match="damage"):
+        step_of(1, correction)
+    correction.damage.CopyFrom(to_array(np.zeros(2)))
+    step_of(1, correction)

@@ -13,19 +13,19 @@ import structlog
 from numpy.typing import NDArray
 
 from duralab_bus import SAMPLES_LACK, Bus, Call, FaultError, bring_to_rest, described_rig, early_end, halt_rig
-from duralab_monitoring import Alarm, AlarmLevel, Monitor, RepeatVerdict, Statistic
-from duralab_proto.arrays import from_record, samples_hash, to_array, to_record
+from duralab_monitoring import AlarmLevel, Monitor, RepeatVerdict, Statistic
+from duralab_proto.arrays import samples_hash, to_array, to_record
 from duralab_proto.v1 import query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
 from duralab_schedules import AlarmAction
+from sequencer.endurance.drive_corrections import DriveCorrections
 from sequencer.endurance.holds import Holds
-from sequencer.endurance.iterate_again import controlled_part, corrected_drive
-from sequencer.endurance.messages import alarm_message, column_names, progress_of_events, put_statistics
+from sequencer.endurance.messages import alarm_message, column_names, progress_of_events, put_damage, put_statistics
 from sequencer.endurance.plan import EndurancePlan
 from sequencer.endurance.rig_playback import REFUSALS, RigPlayback
 from sequencer.endurance.status_board import EnduranceBoard
 from sequencer.endurance.test_log import EnduranceLog, run_name
 from sequencer.kept_samples import HeldFiles, HeldRepeat, KeptSamples
-from sequencer.tally import EventTally, planned_damage, total_damage
+from sequencer.tally import EventTally
 
 _DAMAGE: Final = list(Statistic).index(Statistic.DAMAGE)
 _PACE_SHARE: Final = 0.05
@@ -39,8 +39,9 @@ class Progress:
 
     `first_repeat`: First repeat of the recording that is written, `volume`. `announced`: A run of the next repeat that
     was announced before a crash, with an unknown end. `hold`: A hold without a decision. `iterating`: A hold with the
-    decision to iterate again that is not done. `volume_ended`: Whether that recording is closed. `samples`: Repeats of
-    it whose samples are stored in a step. `kept`: Number of repeats whose samples are kept completely.
+    decision to iterate again that is not done. `correcting`: A correction of a drive that was planned before a crash
+    and is not counted. `volume_ended`: Whether that recording is closed. `samples`: Repeats of it whose samples are
+    stored in a step. `kept`: Number of repeats whose samples are kept completely.
     """
 
     tallies: list[EventTally]
@@ -55,6 +56,7 @@ class Progress:
     announced: str = ""
     hold: sequencer_pb2.EnduranceHold | None = None
     iterating: sequencer_pb2.EnduranceHold | None = None
+    correcting: sequencer_pb2.CorrectionPlanned | None = None
     volume_ended: bool = False
     samples: set[int] = field(default_factory=set)
     kept: int = 0
@@ -97,15 +99,10 @@ class EnduranceTest:
         self._journal = structlog.get_logger("sequencer").bind(endurance_test=self.id, rig=self.rig)
         self._before = before
         self._tallies, self._monitor = before.tallies, before.monitor
-        self._drives = list(plan.drives)
-        for drive in before.drives:
-            self._drives[drive.event] = _samples(drive)
         self._kept = KeptSamples(plan.schedule.keep, kept_before=before.kept_before, files=held_files)
         self._alarms = before.alarms
         # The last repeat; None if a person may have changed the specimen since.
         self._last: HeldRepeat | None = None
-        # Campaigns requested by this process: the name of a campaign is never free again.
-        self._campaigns: list[str] = []
         self._first_repeat, self._attempt = before.first_repeat, 1
         self._stop = threading.Event()
         self._stop_reason, self._latching, self._latched, self._leaving = "", False, False, False
@@ -119,6 +116,16 @@ class EnduranceTest:
             next_step=before.next_step,
             stop=self._stop,
             on_wait=self._show_waiting,
+        )
+        self._corrections = DriveCorrections(
+            plan,
+            bus=bus,
+            log=self._log,
+            tallies=self._tallies,
+            corrected=before.drives,
+            damage_of=self._monitor.damage,
+            stop=self._stop,
+            on_counted=self._show_counted,
         )
         self._holds = Holds(self.id, log=self._log, stop=self._stop, last=before.holds, on_wait=self._show_hold)
         # Mean duration of a repeat, with the largest weight for the last ones.
@@ -239,6 +246,10 @@ class EnduranceTest:
                 before.next_repeat, before.announced, "the sequencer or its connection ended while it played"
             )
             before.announced = ""
+        if before.correcting is not None:
+            self._step = f"counting the playbacks of campaign {before.correcting.campaign}"
+            self._corrections.count(before.correcting, on_activity=self._show_correction)
+            before.correcting = None
         self._commit_held(owed, "around an alarm before the sequencer ended")
         self._board.change(self._show_counts)
 
@@ -266,7 +277,7 @@ class EnduranceTest:
             alarms=self._alarms,
             kept=self._board.snapshot().kept,
             kept_before=self._kept.kept_before,
-            drives=[drive for drive in self._before.drives if self._tallies[drive.event].drive == drive.number],
+            drives=self._corrections.in_use,
             holds=self._holds.last,
         )
 
@@ -288,7 +299,7 @@ class EnduranceTest:
         )
         self._moving_run = run
         try:
-            played, response = self._rig.play(self._drives[event], run=run, repeat=repeat)
+            played, response = self._rig.play(self._corrections.drives[event], run=run, repeat=repeat)
         except FaultError as fault:
             if fault.code in REFUSALS and not self._stop.is_set():
                 self._moving_run = ""
@@ -348,7 +359,7 @@ class EnduranceTest:
     def _commit_kept(self, step: sequencer_pb2.EnduranceRepeat, held: HeldRepeat, played: rig_pb2.PlayResult) -> None:
         """Commit a repeat with its signal blocks, or with its samples if the recorder lacks some."""
         step.signal_epoch, step.signal_blocks = played.epoch, played.blocks
-        step.samples_hash = samples_hash(self._drives[held.event], held.response)
+        step.samples_hash = samples_hash(self._corrections.drives[held.event], held.response)
         try:
             self._log.commit(step)
         except FaultError as fault:
@@ -395,37 +406,17 @@ class EnduranceTest:
         if AlarmAction.HOLD in actions:
             self._wait(sentence, alarms=step.alarms)
         elif AlarmAction.ITERATE_AGAIN in actions:
-            corrected = [a for a in verdict.alarms if self._action(a.level) is AlarmAction.ITERATE_AGAIN]
-            if uncorrectable := self._uncorrectable(step.event, corrected):
-                self._board.add_remark(uncorrectable)
+            # All alarms of the repeat: a correction learns the baseline of an alarm that is only logged, too.
+            alarm, reason = self._corrections.reason_against(step.event, verdict.alarms)
+            if reason:
+                self._board.add_remark(reason)
                 # Without any repeat left, a decision would change nothing.
                 if step.repeat + 1 < len(self._plan.sequence):
-                    self._wait(f"{sentence} {uncorrectable} Continue, relearn or end.", alarms=step.alarms)
+                    self._wait(f"{alarm.sentence} {reason} Continue, relearn or end.", alarms=step.alarms)
                 return
+            self._require_running()
             hold = sequencer_pb2.EnduranceHold(next_repeat=step.repeat + 1, reason=sentence, alarms=step.alarms)
             self._apply(hold, self._holds.decided(hold, sequencer_pb2.ENDURANCE_DECISION_KIND_ITERATE_AGAIN))
-
-    def _uncorrectable(self, event: int, alarms: Sequence[Alarm]) -> str:
-        """Return why no drive of an event corrects any of its alarms; empty if one may, or if that is not known."""
-        parent = self._plan.spec.events[event].campaign
-        if not self._has_repeat_left(event):
-            return self._no_repeat_left(event)
-        try:
-            controlled = controlled_part(self._bus, parent) if parent else None
-        except FaultError:
-            self._require_running()
-            # The correction reads the same recording, and holds with the fault.
-            return ""
-        if controlled is None or not (reason := controlled.reason_against(alarms)):
-            return ""
-        return f"No drive of {self._plan.names[event]} corrects this alarm: {reason}."
-
-    def _has_repeat_left(self, event: int) -> bool:
-        return self._tallies[event].played < self._tallies[event].planned
-
-    def _no_repeat_left(self, event: int) -> str:
-        name = self._plan.names[event]
-        return f"No repeat of {name} is left, so its drive is not corrected."
 
     def _break_off(self, repeat: int, run: str, fault: FaultError) -> None:
         """Count a repeat with an unknown end, bring the rig to rest, and wait for a person."""
@@ -489,67 +480,37 @@ class EnduranceTest:
             # After the last repeat there is no event, and no drive to correct.
             events = {int(event) for event in self._plan.sequence[hold.next_repeat : hold.next_repeat + 1]}
         for event in sorted(events):
-            if not self._has_repeat_left(event):
-                self._board.add_remark(self._no_repeat_left(event))
+            if no_repeat_left := self._corrections.no_repeat_left(event):
+                self._board.add_remark(no_repeat_left)
                 continue
-            name, number = self._plan.names[event], self._tallies[event].drive + 1
+            name = self._plan.names[event]
             self._step = f"iterating again for {name}"
+            last = self._last if self._last is not None and self._last.event == event else None
             try:
-                self._correct(event, number)
+                drive = self._corrections.correct(
+                    event, response=None if last is None else last.response, on_activity=self._show_correction
+                )
             except FaultError as fault:
                 self._require_running()
                 failed = f"The drive of {name} was not corrected: {fault.message}"
                 self._board.add_remark(failed)
                 self._wait(failed, alarms=hold.alarms)
                 return
+            self._monitor.relearn(name)
+            self._board.change(self._show_counts)
+            self._board.add_remark(f"{name} has drive {drive.number} of campaign {drive.campaign}.")
 
-    def _correct(self, event: int, number: int) -> None:
-        """Give an event another drive, made by a separate campaign."""
-        name, parent = self._plan.names[event], self._plan.spec.events[event].campaign
-        if not parent:
-            raise FaultError(
-                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-                "it is from a file and no campaign made it, so neither target nor model are known; make it with a "
-                "campaign.",
-            )
+    def _show_correction(self, activity: str) -> None:
+        def change(status: sequencer_pb2.EnduranceStatus) -> None:
+            status.phase = sequencer_pb2.ENDURANCE_PHASE_ITERATING
+            status.activity = f"{self._step}: {activity}"
 
-        def show(activity: str) -> None:
-            def change(status: sequencer_pb2.EnduranceStatus) -> None:
-                status.phase = sequencer_pb2.ENDURANCE_PHASE_ITERATING
-                status.activity = f"{self._step}: {activity}"
+        self._board.change(change)
 
-            self._board.change(change)
-
-        stem = f"{self.id}-{name}-{number}"
-        attempt = 1 + sum(1 for known in self._campaigns if known == stem or known.startswith(f"{stem}-"))
-        campaign = stem + (f"-{attempt}" if attempt > 1 else "")
-        self._campaigns.append(campaign)
-        last = self._last
-        drive = corrected_drive(
-            self._bus,
-            self._drives[event],
-            response=last.response if last is not None and last.event == event else None,
-            parent=parent,
-            corrected_by=next((known.campaign for known in reversed(self._before.drives) if known.event == event), ""),
-            id=campaign,
-            description=self._plan.description,
-            playbacks=self._plan.schedule.actions.playbacks,
-            stop=self._stop,
-            on_activity=show,
-        )
-        description = self._plan.description
-        message = sequencer_pb2.EnduranceDrive(
-            event=event,
-            number=number,
-            drive=to_record(description.drives, description.sample_rate, drive),
-            campaign=campaign,
-        )
-        self._log.commit(message)
-        self._before.drives.append(message)
-        self._drives[event], self._tallies[event].drive = drive, number
-        self._monitor.relearn(name)
+    def _show_counted(self, correction: sequencer_pb2.EnduranceCorrection) -> None:
         self._board.change(self._show_counts)
-        self._board.add_remark(f"{name} has drive {number} of campaign {campaign}.")
+        if correction.playbacks or not correction.HasField("damage"):
+            self._board.add_remark(correction.reason)
 
     def _show_counts(self, status: sequencer_pb2.EnduranceStatus) -> None:
         """Show what is counted; called as soon as it is stored, so that status and recording agree."""
@@ -559,12 +520,7 @@ class EnduranceTest:
         status.remaining_seconds = left * self._repeat_seconds if self._repeat_seconds else -1.0
         del status.events[:]
         status.events.extend(progress_of_events(self._plan.names, self._tallies))
-        status.damage.CopyFrom(to_array(total_damage(self._tallies)))
-        for name, whole in (("damage_planned_so_far", False), ("damage_planned", True)):
-            planned = planned_damage(self._tallies, whole=whole)
-            status.ClearField(name)
-            if planned is not None:
-                getattr(status, name).CopyFrom(to_array(planned))
+        put_damage(self._tallies, into=status)
         status.recordings, status.recording = self._log.volume, self._log.recording
 
     def _pace(self, seconds: float) -> None:
@@ -635,7 +591,3 @@ class EnduranceTest:
         failed, was_stopped = sequencer_pb2.ENDURANCE_PHASE_FAULTED, sequencer_pb2.ENDURANCE_PHASE_STOPPED
         phase = failed if stopped is None else was_stopped
         return self._board.final_status(phase, end.activity, fault=end.fault)
-
-
-def _samples(drive: sequencer_pb2.EnduranceDrive) -> NDArray[np.float64]:
-    return from_record(drive.drive, field="drive")[2]

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable, Iterator, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Final
 
@@ -13,12 +15,16 @@ from numpy.typing import NDArray
 
 from duralab_bus import Bus, FaultError, message_of_step, recorded_steps
 from duralab_monitoring import Alarm, Measure, Statistic
-from duralab_proto.arrays import from_array, to_record
+from duralab_proto.arrays import ArrayError, from_array, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_settings import ResolvedUpdate
 from duralab_settings.messages import fill_message, from_message
 
+AWAY: Final = frozenset({query_pb2.FAULT_CODE_UNAVAILABLE, query_pb2.FAULT_CODE_DEADLINE_EXCEEDED})
+"""Fault codes of a query to a recorder that is absent."""
+
 _POLL_SECONDS: Final = 0.5
+_SILENCE_SECONDS: Final = 10.0
 # Chosen on four kinds of wear and two roads, see decision 41.
 _FORGETTING: Final = 0.3
 _PRIOR_STRENGTH: Final = 0.3
@@ -34,7 +40,12 @@ _STATIC: Final = frozenset({Measure.STATIC, Statistic.MEAN})
 _WITH_MEAN: Final = frozenset({Statistic.MIN, Statistic.MAX, Statistic.RMS})
 _KINDS: Final = {
     kind.DESCRIPTOR.full_name: kind
-    for kind in (iterator_pb2.CampaignSpec, identifier_pb2.Model, iterator_pb2.IterationStep)
+    for kind in (
+        iterator_pb2.CampaignSpec,
+        identifier_pb2.Model,
+        iterator_pb2.IterationStep,
+        recorder_pb2.RunPlanned,
+    )
 }
 
 
@@ -89,35 +100,131 @@ def corrected_drive(
             status.fault.code or query_pb2.FAULT_CODE_INTERNAL,
             f"Campaign {id!r} ended early: {status.fault.message or status.activity}",
         )
-    _require_better(status)
+    best = _better_playback(status, _weights(spec))
     for message, step in _steps(bus, id, with_samples=True):
-        if isinstance(message, iterator_pb2.IterationStep) and message.iteration == status.best_iteration:
+        if isinstance(message, iterator_pb2.IterationStep) and message.iteration == best:
             samples = step.drive if step.HasField("drive") else message.drive.samples
             return from_array(samples, field="drive", shape=drive.shape, dtype=np.float64)
-    raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {status.best_iteration}.")
+    raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {best}.")
 
 
-def _require_better(status: iterator_pb2.CampaignStatus) -> None:
-    """Raise FaultError FAILED_PRECONDITION if no playback of a finished correction is better than the present drive.
+def wait_for_end(bus: Bus, campaign: str, *, stop: threading.Event, on_activity: Callable[[str], None]) -> None:
+    """Wait until a campaign has ended, which a crash of the sequencer does not end; stop it if `stop` is set.
 
-    The present drive is the first drive with its response, or playback 1 if it was played once more.
+    A campaign that the iterator does not know, or whose iterator is not heard for 10 s, has ended.
+    """
+    last_heard = time.monotonic()
+    while True:
+        try:
+            status = bus.query(bus.keys.campaign(campaign), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
+            if status.phase in _ENDED:
+                return
+            last_heard = time.monotonic()
+            on_activity(status.activity)
+            if stop.wait(_POLL_SECONDS):
+                request = iterator_pb2.StopCampaignRequest(reason="the endurance test was stopped")
+                bus.query(bus.keys.campaign_stop(campaign), request, iterator_pb2.CampaignStatus)
+                return
+        except FaultError as fault:
+            is_over = fault.code == query_pb2.FAULT_CODE_NOT_FOUND or time.monotonic() > last_heard + _SILENCE_SECONDS
+            if is_over or stop.wait(_POLL_SECONDS):
+                return
+
+
+def playbacks_of(
+    bus: Bus, campaign: str, *, responses: int, damage_of: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+) -> tuple[int, list[NDArray[np.float64]]]:
+    """Return the number of playbacks that a campaign announced, and the damage of those with a recorded response.
+
+    A campaign without a recording announced none. `damage_of`: Returns the damage of a response, shape (responses,).
+    Raises FaultError if its recording cannot be read.
+    """
+    try:
+        return _playbacks(bus, campaign, responses=responses, damage_of=damage_of, with_samples=True)
+    except FaultError as fault:
+        if fault.code == query_pb2.FAULT_CODE_NOT_FOUND:
+            return 0, []
+        if fault.code in AWAY:
+            raise
+    # Samples are missing: their playbacks were announced all the same.
+    return _playbacks(bus, campaign, responses=responses, damage_of=damage_of, with_samples=False)
+
+
+def _playbacks(
+    bus: Bus,
+    campaign: str,
+    *,
+    responses: int,
+    damage_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    with_samples: bool,
+) -> tuple[int, list[NDArray[np.float64]]]:
+    announced: set[str] = set()
+    damage: dict[str, NDArray[np.float64]] = {}
+    for message, step in _steps(bus, campaign, with_samples=with_samples):
+        if isinstance(message, recorder_pb2.RunPlanned):
+            announced.add(message.run)
+        elif isinstance(message, iterator_pb2.IterationStep):
+            if step.HasField("response"):
+                samples = step.response
+            elif message.HasField("response"):
+                samples = message.response.samples
+            else:
+                continue
+            with suppress(ArrayError):
+                response = from_array(samples, field="response", shape=(responses, None), dtype=np.float64)
+                damage[message.run] = damage_of(response)
+    return len(announced), [damage[run] for run in sorted(announced & damage.keys())]
+
+
+def _better_playback(status: iterator_pb2.CampaignStatus, weights: Mapping[str, float]) -> int:
+    """Return the number of the best playback of a finished correction: the one with the smallest weighted error.
+
+    If the target was reached, only the last playback fulfils all criteria.
+    Raises FaultError FAILED_PRECONDITION if it is not better than the present drive: the first drive with its response,
+    or playback 1 if it was played once more.
     """
     numbered = {metrics.iteration: metrics for metrics in status.iterations}
     present = status.first_drive if status.HasField("first_drive") else numbered.get(1)
-    best = numbered.get(status.best_iteration)
-    if present is None or best is None:
+    if present is None or status.best_iteration not in numbered:
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION,
             f"Campaign {status.id!r} has {len(numbered)} playbacks and no best one; the drive stays. See its remarks.",
         )
-    if best.overall_relative_rms_error < present.overall_relative_rms_error:
-        return
+    errors = {number: _weighted_error(metrics, weights) for number, metrics in numbered.items()}
+    if status.outcome == iterator_pb2.OUTCOME_REACHED:
+        errors = {status.best_iteration: errors[status.best_iteration]}
+    best, before = min(errors, key=errors.__getitem__), _weighted_error(present, weights)
+    if errors[best] < before:
+        return best
+    weighted = ", with the campaign's weights," if len(set(weights.values()) - {0.0}) > 1 else ""
     raise FaultError(
         query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-        f"In campaign {status.id!r} no playback was better; the drive stays. Its error in the control band is "
-        f"{present.overall_relative_rms_error:.3g}, that of the best playback {best.overall_relative_rms_error:.3g}: "
-        "continue with it, or look at the specimen.",
+        f"In campaign {status.id!r} no playback was better; the drive stays. Its error in the control band{weighted} "
+        f"is {before:.3g}, that of the best playback {errors[best]:.3g}: continue with it, or look at the specimen.",
     )
+
+
+def _weighted_error(metrics: iterator_pb2.IterationMetrics, weights: Mapping[str, float]) -> float:
+    """Return the root mean square of the channels' weighted errors over that of the weights; the update minimises it.
+
+    With equal weights it is the overall error of the campaign.
+    """
+    pairs = [(weights.get(each.channel, 1.0), each.relative_rms_error) for each in metrics.channels]
+    # A response of weight 0 may have no error, because its target is silent.
+    controlled = [(weight, error) for weight, error in pairs if weight > 0.0]
+    if len({weight for weight, _ in controlled}) <= 1:
+        return metrics.overall_relative_rms_error
+    squares = sum((weight * error) ** 2 for weight, error in controlled)
+    return float(np.sqrt(squares / sum(weight**2 for weight, _ in controlled)))
+
+
+def _weights(spec: iterator_pb2.CampaignSpec) -> dict[str, float]:
+    """Return the weight of each response of a campaign; 1 without weights, 0 for a monitored response."""
+    names = [channel.name for channel in spec.target.channels]
+    weights = np.ones(len(names))
+    if spec.update.HasField("weights"):
+        weights = from_array(spec.update.weights, field="weights", shape=weights.shape, dtype=np.float64)
+    return dict(zip(names, map(float, weights), strict=True))
 
 
 @dataclass(frozen=True)
@@ -130,11 +237,11 @@ class ControlledPart:
     channels: frozenset[str]
     band: tuple[float, float]
 
-    def reason_against(self, alarms: Sequence[Alarm]) -> str:
-        """Return why no drive corrects any alarm of a repeat, without a full stop; empty if a drive may correct one."""
+    def uncorrectable(self, alarms: Sequence[Alarm]) -> list[tuple[Alarm, str]]:
+        """Return the alarms of a repeat that no drive corrects, each with the reason, without a full stop."""
         shifted = {alarm.channel for alarm in alarms if alarm.measure in _STATIC}
-        reasons = [self._reason(alarm, is_shifted=alarm.channel in shifted) for alarm in alarms]
-        return "; ".join(dict.fromkeys(reasons)) if all(reasons) else ""
+        reasons = [(alarm, self._reason(alarm, is_shifted=alarm.channel in shifted)) for alarm in alarms]
+        return [(alarm, reason) for alarm, reason in reasons if reason]
 
     def _reason(self, alarm: Alarm, *, is_shifted: bool) -> str:
         low, high = self.band
@@ -153,11 +260,7 @@ def controlled_part(bus: Bus, campaign: str) -> ControlledPart:
     """Return what a recorded campaign controls; raises FaultError if its recording cannot be read."""
     for message, _ in _steps(bus, campaign):
         if isinstance(message, iterator_pb2.CampaignSpec):
-            names = [channel.name for channel in message.target.channels]
-            weights = np.ones(len(names))
-            if message.update.HasField("weights"):
-                weights = from_array(message.update.weights, field="weights", shape=weights.shape, dtype=np.float64)
-            controlled = frozenset(name for name, weight in zip(names, weights, strict=True) if weight > 0.0)
+            controlled = frozenset(name for name, weight in _weights(message).items() if weight > 0.0)
             return ControlledPart(controlled, (message.lowest_frequency, message.highest_frequency))
     raise FaultError(
         query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The recording {campaign!r} holds no specification of a campaign."
@@ -216,7 +319,7 @@ def _specification(bus: Bus, parent: str) -> iterator_pb2.CampaignSpec:
 def _steps(
     bus: Bus, recording: str, *, with_samples: bool = False
 ) -> Iterator[tuple[Message, recorder_pb2.RecordedStep]]:
-    """Yield the specification, the model and the iterations of a campaign."""
+    """Yield the specification, the model, the iterations and the announced runs of a campaign."""
     for step in recorded_steps(bus, recording, with_samples=with_samples):
         if step.message_type in _KINDS:
             yield message_of_step(recording, step, _KINDS, of="a campaign"), step

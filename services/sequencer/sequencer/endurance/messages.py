@@ -12,7 +12,7 @@ from duralab_monitoring import Alarm, AlarmKind, AlarmLevel, MonitoringSettings,
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import sequencer_pb2
 from duralab_schedules import AlarmAction
-from sequencer.tally import EventTally
+from sequencer.tally import EventTally, correction_damage, planned_damage, total_damage
 
 _ACTIONS: Final = {
     AlarmAction.LOG: sequencer_pb2.ALARM_ACTION_LOG,
@@ -86,22 +86,31 @@ def event_progress(name: str, tally: EventTally) -> sequencer_pb2.EventProgress:
         measured=tally.measured,
         measured_damage=to_array(tally.measured_damage),
         drive=tally.drive,
+        correction_playbacks=tally.correction_playbacks,
+        correction_damage=to_array(tally.correction_damage),
     )
 
 
 def restored_tally(
     message: sequencer_pb2.EventProgress, planned_damage: NDArray[np.float64] | None, *, responses: int
 ) -> EventTally:
-    """Return the tally of an event from a recording."""
+    """Return the tally of an event from a recording; recordings of before `correction_damage` count none."""
     damage, measured = (
         from_array(array, field="damage", shape=(responses,), dtype=np.float64)
         for array in (message.damage, message.measured_damage)
     )
+    corrections = np.zeros(responses)
+    if message.HasField("correction_damage"):
+        corrections = from_array(
+            message.correction_damage, field="correction_damage", shape=(responses,), dtype=np.float64
+        )
     return EventTally(
         planned=message.planned,
         planned_damage=planned_damage,
         damage=damage,
         measured_damage=measured,
+        correction_damage=corrections,
+        correction_playbacks=message.correction_playbacks,
         played=message.played,
         unknown=message.unknown,
         measured=message.measured,
@@ -112,3 +121,15 @@ def restored_tally(
 def progress_of_events(names: Sequence[str], tallies: Sequence[EventTally]) -> list[sequencer_pb2.EventProgress]:
     """Return the progress of all events."""
     return [event_progress(name, tally) for name, tally in zip(names, tallies, strict=True)]
+
+
+def put_damage(tallies: Sequence[EventTally], into: sequencer_pb2.EnduranceStatus) -> None:
+    """Set the damage in a status: counted, the part of corrections, and planned if that is known of every event."""
+    into.damage.CopyFrom(to_array(total_damage(tallies)))
+    into.correction_playbacks = sum(tally.correction_playbacks for tally in tallies)
+    into.correction_damage.CopyFrom(to_array(correction_damage(tallies)))
+    for name, whole in (("damage_planned_so_far", False), ("damage_planned", True)):
+        planned = planned_damage(tallies, whole=whole)
+        into.ClearField(name)
+        if planned is not None:
+            getattr(into, name).CopyFrom(to_array(planned))

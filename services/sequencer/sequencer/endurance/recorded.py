@@ -21,6 +21,8 @@ _KINDS: Final = {
         recorder_pb2.RunPlayed,
         sequencer_pb2.EnduranceRepeat,
         sequencer_pb2.RepeatSamples,
+        sequencer_pb2.CorrectionPlanned,
+        sequencer_pb2.EnduranceCorrection,
         sequencer_pb2.EnduranceDrive,
         sequencer_pb2.EnduranceHold,
         sequencer_pb2.EnduranceDecision,
@@ -37,7 +39,8 @@ class RecordedVolume:
     `steps`: Number of committed steps. `volume`: Its beginning; None if a crash came before. `repeats`: In order,
     without those of earlier recordings. `changes`: Repeats, decisions and drives in their order. `announced`: An
     announced run without any later step. `hold`: A hold without a decision. `iterating`: A hold with the decision to
-    iterate again that is not done. `samples`: Repeats with their samples in a step. `played`: Runs with a stored
+    iterate again that is not done. `corrections`: Counted corrections of drives. `correcting`: A planned correction
+    that is not counted. `samples`: Repeats with their samples in a step. `played`: Runs with a stored
     RunPlayed.
     """
 
@@ -53,6 +56,8 @@ class RecordedVolume:
     announced: recorder_pb2.RunPlanned | None = None
     hold: sequencer_pb2.EnduranceHold | None = None
     iterating: sequencer_pb2.EnduranceHold | None = None
+    corrections: list[sequencer_pb2.EnduranceCorrection] = field(default_factory=list)
+    correcting: sequencer_pb2.CorrectionPlanned | None = None
     holds: int = 0
     samples: set[int] = field(default_factory=set)
     played: set[str] = field(default_factory=set)
@@ -82,6 +87,8 @@ class RecordedVolume:
                 self.announced = None
             case sequencer_pb2.RepeatSamples():
                 self.samples.add(message.repeat)
+            case sequencer_pb2.CorrectionPlanned() | sequencer_pb2.EnduranceCorrection():
+                self._take_correction(message)
             case sequencer_pb2.EnduranceDrive():
                 self.drives.append(message)
                 self.iterating = None
@@ -92,6 +99,13 @@ class RecordedVolume:
                 self.final = message
             case recorder_pb2.RecordingClosed():
                 self.closed = True
+
+    def _take_correction(self, message: sequencer_pb2.CorrectionPlanned | sequencer_pb2.EnduranceCorrection) -> None:
+        if isinstance(message, sequencer_pb2.CorrectionPlanned):
+            self.correcting = message
+            return
+        self.corrections.append(message)
+        self.correcting = None
 
     def _take_hold(self, message: sequencer_pb2.EnduranceHold | sequencer_pb2.EnduranceDecision) -> None:
         if isinstance(message, sequencer_pb2.EnduranceHold):

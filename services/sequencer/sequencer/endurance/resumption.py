@@ -74,6 +74,10 @@ def recorded_progress(recorded: RecordedTest, plan: EndurancePlan) -> Progress:
             tallies[repeat.event].count_measured(damage)
         else:
             tallies[repeat.event].count_unknown()
+    for correction in last.corrections:
+        counted = correction.HasField("damage")
+        damage = from_array(correction.damage, field="damage", shape=(size,), dtype=np.float64) if counted else None
+        tallies[correction.event].count_correction(correction.playbacks, damage)
     for change in last.changes:
         _monitor_again(monitor, change, plan, responses=size)
     kept_before = last.volume.kept_before
@@ -97,6 +101,7 @@ def recorded_progress(recorded: RecordedTest, plan: EndurancePlan) -> Progress:
         # A hold by a fault or a person ends with the resume.
         hold=last.hold if last.hold is not None and last.hold.alarms else None,
         iterating=last.iterating,
+        correcting=last.correcting,
         volume_ended=last.closed,
         samples=last.samples,
         kept=last.volume.kept + len(last.samples) + sum(bool(repeat.samples_hash) for repeat in last.repeats),

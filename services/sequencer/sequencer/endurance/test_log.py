@@ -93,16 +93,17 @@ class EnduranceLog:
 def last_volume(bus: Bus, id: str) -> int:
     """Return the number of the last recording of an endurance test; 0 if there is none."""
     low, step = 0, 1
-    while _is_recorded(bus, volume_name(id, low + step)):
+    while is_recorded(bus, volume_name(id, low + step)):
         low, step = low + step, 2 * step
     while step > 1:
         step //= 2
-        if _is_recorded(bus, volume_name(id, low + step)):
+        if is_recorded(bus, volume_name(id, low + step)):
             low += step
     return low
 
 
-def _is_recorded(bus: Bus, recording: str) -> bool:
+def is_recorded(bus: Bus, recording: str) -> bool:
+    """Return whether a recording exists."""
     try:
         # Not the description of the recording, which needs a hash of every file.
         next(recorded_steps(bus, recording), None)
