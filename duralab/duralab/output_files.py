@@ -16,8 +16,16 @@ OUTPUTS: Final = ("recording.mcap", "live.rrd", "report.html")
 
 def recording_in(path: Path) -> Path:
     """Return the recording in the folder of a campaign; another path as it is."""
-    inside = path / "recording.mcap"
-    return inside if inside.is_file() else path
+    return path_in(path, "recording.mcap")
+
+
+def path_in(folder: Path, name: str) -> Path:
+    """Return the file of a name in a folder; the folder's own path if it has no such file."""
+    inside = folder / name
+    try:
+        return inside if inside.is_file() else folder
+    except OSError:  # e.g. a name that is too long, which is refused where the file is opened
+        return folder
 
 
 @contextmanager

@@ -50,6 +50,20 @@ def test_a_name_of_no_file_is_refused(tmp_path, monkeypatch, name):
     assert "recording.mcap." in " ".join(error.split())
 
 
+def test_the_folder_of_a_campaign_stands_for_its_live_view(tmp_path, monkeypatch):
+    shown = []
+
+    def viewer(*, file, **_):
+        shown.append(file)
+        raise InputError("This is enough.")
+
+    monkeypatch.setattr("duralab.processes.Viewer", viewer)
+    (tmp_path / "live.rrd").write_bytes(b"RRF2" + bytes(30))
+    foreign(tmp_path / "recording.mcap")
+    invoke("view", tmp_path)
+    assert shown == [tmp_path / "live.rrd"]
+
+
 def test_a_foreign_file_is_refused_in_one_sentence_with_one_full_stop(tmp_path):
     path = foreign(tmp_path / "lidar.mcap")
     with pytest.raises(InputError) as caught:

@@ -33,9 +33,13 @@ def view(
     """Open the Rerun viewer on 127.0.0.1, in a window or as a page for the browser, until Ctrl-C."""
     from tempfile import TemporaryDirectory
 
+    from duralab.output_files import path_in, recording_in
     from duralab.processes import Viewer, is_recording, rebuilt_view
 
     output = Output(as_json)
+    if file is not None:
+        # The folder of a campaign stands for its live view.
+        file = recording_in(path_in(file, "live.rrd"))
     with ExitStack() as stack:
         if file is not None and is_recording(file):
             folder = Path(stack.enter_context(TemporaryDirectory(prefix="duralab-view-")))
