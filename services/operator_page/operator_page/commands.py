@@ -13,10 +13,11 @@ from typing import Any
 import structlog
 
 from duralab import Campaign, InputError, LabError, load_campaign, load_schedule, shipped_campaigns
+from duralab.campaign import missing_target
 from duralab.lab import Lab
 from duralab_bus import BusError
 from operator_page.deliberation import Holders
-from operator_page.files import fetched_drives
+from operator_page.files import PLACES, fetched_drives
 from operator_page.lab_view import LabView
 from operator_page.requests import Begin, BeginEndurance, Decide, DecideEndurance, Resume
 
@@ -136,6 +137,8 @@ class Commands:
         plan = self.campaign(values.kind, values.name)
         folder = Path() if values.kind == "shipped" else self.folder
         plan = plan.read_from(folder=folder, text=f"# Begun at the operator page by {who}.\n{plan.text}")
+        if missing := missing_target(plan, place=PLACES[values.kind]):
+            raise InputError(f"{plan.name} cannot begin. {missing}", field="name")
         _require_shown(values.rigs, plan.rigs)
         for rig in plan.rigs:
             self._require_known(rig)

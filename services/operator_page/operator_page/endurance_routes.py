@@ -45,13 +45,15 @@ class EnduranceRoutes:
         )
 
     async def _schedules(self, _asked: Asked) -> Mapping[str, Any]:
-        """List schedule files, recordings with a drive, and interrupted tests."""
+        """List schedule files with their rigs, recordings with a drive, and interrupted tests."""
         found = await self._workers.in_thread(self._lab.catalogue.search)
         shown = self._view.endurance.documents(time.time())
         under_way = {each["id"] for each in shown if not (each["ended"] or each["silent"])}
         open_ones = {re.sub(r"-v\d{4}$", "", each.id) for each in found if _is_test(each) and not each.closed}
+        files = await self._workers.in_thread(self._files.listed)
         return {
-            "schedules": (await self._workers.in_thread(self._files.listed))["schedules"],
+            "schedules": files["schedules"],
+            "rigs": files["schedule_rigs"],
             "drives": [
                 {"id": each.id, "rig": each.rig, "result": each.result.value}
                 for each in found

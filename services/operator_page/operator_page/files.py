@@ -17,6 +17,7 @@ from duralab import Campaign, Catalogue, InputError, Rig
 from duralab.campaign import (
     campaign_text,
     check_against_rig,
+    missing_target,
     parse_campaign,
     shipped_campaigns,
     shipped_text,
@@ -31,6 +32,8 @@ DRIVES: Final = "drives"
 RECORDING_ID: Final = re.compile(r"[a-z0-9][a-z0-9_-]{0,79}")
 SUFFIXES: Final = (".rsp", ".drv", ".tim", ".mf4", ".uff", ".unv", ".tdms", ".mat", ".parquet", ".csv")
 MOST_UPLOADS: Final = 200
+PLACES: Final = {"file": "the folder of this page", "shipped": "the folder in which this page was started"}
+"""Folder where the relative paths of a campaign start, by its kind."""
 
 
 class PageFiles:
@@ -40,16 +43,32 @@ class PageFiles:
         self.folder, self._largest_bytes = folder, largest_bytes
 
     def listed(self) -> dict[str, Any]:
-        """Return the names of all campaigns; `rigs`: Rigs of each readable campaign by `kind:name`, its own first."""
+        """Return the names of all campaigns and schedules.
+
+        `rigs`: Rigs of each readable campaign by `kind:name`, its own first. `unavailable`: Sentence about the missing
+        file of a campaign by `kind:name`. `schedule_rigs`: Rig of each schedule that names one.
+        """
         files, shipped = sorted(self.folder.glob("*.yaml")), shipped_campaigns()
-        schedules = [path.stem for path in files if _is_schedule(path)]
+        schedules = {path.stem: rig for path in files if (rig := _rig_of_schedule(path)) is not None}
         campaigns = [path.stem for path in files if path.stem not in schedules]
         rigs: dict[str, list[str]] = {}
+        unavailable: dict[str, str] = {}
         for kind, names in (("file", campaigns), ("shipped", shipped)):
             for name in names:
                 with suppress(InputError, OSError, UnicodeDecodeError):
-                    rigs[f"{kind}:{name}"] = list(self._campaign(kind, name).rigs)
-        return {"shipped": shipped, "files": campaigns, "schedules": schedules, "rigs": rigs}
+                    plan = self._campaign(kind, name)
+                    rigs[f"{kind}:{name}"] = list(plan.rigs)
+                    begun = plan if kind == "file" else plan.read_from(folder=Path(), text=plan.text)
+                    if missing := missing_target(begun, place=PLACES[kind]):
+                        unavailable[f"{kind}:{name}"] = missing
+        return {
+            "shipped": shipped,
+            "files": campaigns,
+            "schedules": list(schedules),
+            "rigs": rigs,
+            "unavailable": unavailable,
+            "schedule_rigs": {name: rig for name, rig in schedules.items() if rig},
+        }
 
     def path(self, name: str) -> Path:
         """Return the path of the campaign of a name; the name is checked, and holds no separator."""
@@ -156,13 +175,19 @@ class PageFiles:
         return f"{UPLOADS}/{kept}"
 
 
-def _is_schedule(path: Path) -> bool:
-    """Return whether a file is a schedule: its events have drives, those of a project have targets."""
+def _rig_of_schedule(path: Path) -> str | None:
+    """Return the rig of a schedule, "" if it names none; None for another file.
+
+    The events of a schedule have drives, those of a project have targets.
+    """
     try:
-        events = (parse_yaml(path.read_text(encoding="utf-8")) or {}).get("events")
-        return isinstance(events, dict) and all("drive" in (event or {}) for event in events.values())
+        content = parse_yaml(path.read_text(encoding="utf-8")) or {}
+        events, rig = content.get("events"), content.get("rig")
+        if not isinstance(events, dict) or not all("drive" in (event or {}) for event in events.values()):
+            return None
     except (OSError, ValueError, AttributeError, TypeError):
-        return False
+        return None
+    return rig if isinstance(rig, str) else ""
 
 
 def fetched_drives(schedule: Schedule, catalogue: Catalogue, folder: Path) -> Schedule:

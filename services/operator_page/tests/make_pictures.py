@@ -91,7 +91,7 @@ def campaign() -> dict:
         "duration": 24.0,
         "potholes": {"count": 1, "depth": [0.02, 0.03], "length": [0.4, 0.8]},
     }
-    document["update"], document["stop"]["iterations"] = {"kind": "basic_twr", "iteration_gain": 0.7}, 7
+    document["update"], document["stop"]["iterations"] = {"kind": "basic_twr", "iteration_gain": 0.7}, 9
     return document
 
 
@@ -273,11 +273,13 @@ def main() -> None:
     """Take the pictures that are asked for."""
     parser = argparse.ArgumentParser(description=__doc__)
     works = {"campaign": take_campaign, "endurance": take_endurance, "viewer": take_viewer}
-    parser.add_argument("what", nargs="*", choices=[[], *works], default=["campaign", "endurance"])
+    parser.add_argument("what", nargs="*", help=f"{', '.join(works)}; campaign and endurance if left out")
     parser.add_argument("--out", type=Path, default=OUT)
     asked = parser.parse_args()
+    if unknown := [what for what in asked.what if what not in works]:
+        parser.error(f"there is no part {unknown[0]!r}; give one of {', '.join(works)}")
     asked.out.mkdir(parents=True, exist_ok=True)
-    for what in asked.what:
+    for what in asked.what or ["campaign", "endurance"]:
         works[what](asked.out)
 
 

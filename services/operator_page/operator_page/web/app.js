@@ -43,7 +43,7 @@ function SignIn() {
 function StopButton() {
   if (!isOperator()) return html`<p class="viewer">You watch only. To stop the rig, use its emergency stop or call an operator.</p>`;
   return html`<div class="stop" role="group" aria-label="Stop">
-    <button type="button" id="stop" onClick=${() => stop(state.rig)}>STOP ${state.rig || "all"}<small>key F9 · this is no emergency stop</small></button>
+    <button type="button" id="stop" onClick=${() => stop(state.rig)}>STOP ${state.rig || "all"}<small><span class="by-key">key F9 · </span>this is no emergency stop</small></button>
     <button type="button" id="stop-all" onClick=${() => stop("")}>Stop all rigs</button></div>`;
 }
 
@@ -79,7 +79,7 @@ function Page() {
         ${state.session.accounts && html` <button type="button" onClick=${signOut}>Sign out</button>`}
         <button type="button" id="theme" onClick=${() => setTheme(dark() ? "light" : "dark")}>${dark() ? "Light" : "Dark"}</button></p></div>
       <${StopButton} />
-      <p class="said ${state.said && state.said.trouble ? "bad" : ""}" role="status" aria-live="polite">${state.said ? state.said.text : ""}
+      <p class="said ${state.said ? "told" : ""} ${state.said && state.said.trouble ? "bad" : ""}" role="status" aria-live="polite">${state.said ? state.said.text : ""}
         ${state.said && html` <button type="button" class="close" aria-label="Close the message" onClick=${() => { state.said = null; changed(); }}>✕</button>`}</p></header>
     <${Banner} />
     <main id="content" tabindex="-1" class=${state.live ? "" : "old"}>${state.lab ? html`<${Screen} key=${current} />` : html`<p role="status">Joining the lab …</p>`}</main>`;

@@ -31,7 +31,7 @@ export function EnduranceScreen() {
     ${test && html`
       <p class="activity"><strong>${test.played}</strong> of ${test.repeats} repeats${test.remaining ? html`, <strong>${span(test.remaining)}</strong> left` : ""}. ${test.hold ? "It waits for a decision" : sentence(test.activity).replace(/\.$/, "")}.</p>
       <progress max=${Math.max(1, test.repeats)} value=${test.played} aria-label="Share of the repeats that is played"></progress>
-      ${test.silent && html`<p class="notice">The sequencer of this test is not heard; what stands here is old. When the sequencer runs again, continue the test here.</p><${BeginEndurance} broken />`}
+      ${test.silent && html`<p class="notice">The sequencer of this test is not heard; what stands here is old. When the sequencer runs again, continue the test here.</p><${BeginEndurance} key=${state.rig} broken />`}
       ${test.ended && test.reason && html`<p class="reason">${test.reason}</p>`}
       ${test.hold > 0 && html`<${Waiting} test=${test} key=${`${id}-${test.hold}`} />`}
       ${!test.ended && !test.hold && isOperator() && html`<${Acting} test=${test} key=${id} />`}
@@ -40,7 +40,7 @@ export function EnduranceScreen() {
       ${known && known.curves && html`<${Trends} test=${test} known=${known} event=${event} statistic=${asked.statistic} choose=${setAsked} />`}
       <${Alarms} test=${test} known=${known} />
       ${known && known.curves && html`<${Kept} test=${test} known=${known} />`}`}
-    ${(!test || test.ended) && !(rig && rig.waiting) && html`<${BeginEndurance} />`}
+    ${(!test || test.ended) && !(rig && rig.waiting) && html`<${BeginEndurance} key=${state.rig} />`}
     <${Log} lines=${15} />`;
 }
 
@@ -54,7 +54,7 @@ const CHOICES = [["continue", "Continue"], ["iterate_again", "Iterate again, the
 function Waiting({ test }) {
   const [kind, setKind] = useState("continue");
   const [reason, setReason] = useState("");
-  const label = `${CHOICES.find(([one]) => one === kind)[1].split(/[,;]/)[0]}: ${test.id} on ${test.rig}`;
+  const label = `${CHOICES.find(([one]) => one === kind)[1].split(/[,;]/)[0]} (${test.id} on ${test.rig})`;
   return html`<section class="hold" aria-label="Hold"><h2>Hold ${test.hold}: ${test.hold_alarms ? "because of an alarm" : "a person or a fault made it wait"}</h2>
     <p>${test.reason}</p>
     ${isOperator() && html`<form onSubmit=${(event) => event.preventDefault()}>
@@ -82,8 +82,12 @@ function Schedule({ test, known }) {
 
 function Damage({ test }) {
   const off = (ratio) => ratio !== null && (ratio > 1.2 || ratio < 0.8);
+<<<<<<< HEAD
   const corrected = test.correction_playbacks > 0;
   return html`<div><${Table} caption="Damage against plan" heads=${["response", "counted", ...(corrected ? ["of it by corrections"] : []), "planned so far", "over planned so far", "over planned in all"]}
+=======
+  return html`<${Table} caption="Damage against plan" heads=${["response", "counted", "planned so far", "share of that", "share of the whole plan"]}
+>>>>>>> 42b09be2e93cc17501fc18e5cab4d5779b3ffb19
     rows=${test.damage.map(([name, counted, planned, whole]) => {
       const ratio = planned ? counted / planned : null;
       return { className: off(ratio) ? "off" : "", cells: [name, figure(counted), ...(corrected ? [figure(test.correction_damage[name])] : []), figure(planned), html`${off(ratio) ? html`<span aria-hidden="true">${ratio > 1 ? "↑" : "↓"}</span> ` : ""}${share(ratio)}`,
@@ -144,7 +148,7 @@ function Alarms({ test, known }) {
 function Kept({ test, known }) {
   const { keep } = known;
   return html`<div class="beside"><section aria-label="What was kept"><h2>What was kept</h2>
-      <p>${test.kept} repeats with all samples, of all ${test.played} the statistics, in the recording <strong>${test.recording || test.id}</strong>. Kept are the first ${keep.first === 1 ? "" : `${keep.first} `}of each event, ${keep.every ? `one of ${keep.every}, ` : ""}and ${keep.around} before and after an alarm.</p>
+      <p>The recording <strong>${test.recording || test.id}</strong> has the statistics of all ${test.played} repeats, and all samples of ${test.kept}. All samples are kept of the first ${keep.first === 1 ? "repeat" : `${keep.first} repeats`} of each event, ${keep.every ? `of one in ${keep.every}, ` : ""}and of ${keep.around} before and after an alarm.</p>
       ${known.kept.length > 0 && html`<details><summary>Repeats with all samples${known.kept.length < test.kept ? ", the last ones" : ""}</summary><p class="wrapped">${known.kept.join(", ")}</p></details>`}
       ${known.unknown.map(([, reason]) => html`<p class="notice">${reason}</p>`)}</section>
     ${known.decisions.length > 0 && html`<${Table} caption="Decisions" heads=${["hold", "decision", "by", "reason"]} rows=${known.decisions.map(([hold, kind, name, reason]) => [hold, kind, name || "the schedule", html`<span class="wrapped">${reason}</span>`])} />`}</div>`;

@@ -7,6 +7,7 @@ export const { useEffect, useRef, useState } = self.preactHooks;
 const VERSION = document.querySelector("meta[name=duralab-page]").content;
 const LOST_AFTER = 2.5; // seconds without an event; said within 3 s
 const MOST_LINES = 500;
+const PASSED_AFTER = 20000; // milliseconds
 
 export const state = {
   session: null, lab: null, log: [], signals: {}, targets: {}, described: {},
@@ -79,9 +80,12 @@ export async function stop(rig) {
   }
 }
 
+// What was done is old news after a while; trouble, a stop, and what is being made ready stay until they are over.
 export function say(text, trouble = false, about = {}) {
-  state.said = { ...about, text, trouble };
+  const said = { ...about, text, trouble };
+  state.said = said;
   changed();
+  if (!trouble && said.stopped === undefined && !said.rig) setTimeout(() => { if (state.said === said) { state.said = null; changed(); } }, PASSED_AFTER);
 }
 
 const modeOf = (name) => state.lab.rigs.find((one) => one.name === name)?.mode;
@@ -90,7 +94,7 @@ export function answered(label, answer) {
   const { rig } = answer;
   if (answer.rests !== undefined) say(`${rig || "All rigs"}: ${answer.rests ? "stopped, at rest" : "stop sent, not at rest yet"}.`, false, { stopped: rig });
   else if (answer.attempt) say(`${label}: accepted, being made ready.`, false, { rig, mode: modeOf(rig) });
-  else say(`${label}: done.`);
+  else say(`${label}: ${answer.activity === undefined ? "done" : "accepted"}.`);
   state.attempt = answer.attempt || "";
   bringUpToDate();
 }

@@ -31,13 +31,14 @@ export function NewTestScreen() {
   };
   if (!isOperator()) return html`<h1>New test</h1><p>A viewer sets up no test; ask an operator.</p>`;
   if (!known || !schema) return html`<h1>New test</h1><p role="status">Reading the campaigns …</p>`;
+  const without = (key) => (known.unavailable[key] ? " (its target file is missing)" : "");
   const taken = document && known.files.includes(document.name);
   return html`<h1>New test</h1>
     <section class="card" aria-label="Beginning"><h2>1. Begin with</h2><div class="row"><label>Campaign <select name="beginning" value="" onChange=${(event) => begin(event.target.value)}>
       <option value="">choose …</option>
       <optgroup label="For a rig of this lab">${state.lab.rigs.map((rig) => html`<option value=${`rig:${rig.name}`}>${rig.name}</option>`)}</optgroup>
-      ${known.files.length > 0 && html`<optgroup label="Files of this page">${known.files.map((one) => html`<option value=${`file:${one}`}>${one}</option>`)}</optgroup>`}
-      <optgroup label="Shipped">${known.shipped.map((one) => html`<option value=${`shipped:${one}`}>${one}</option>`)}</optgroup></select></label>
+      ${known.files.length > 0 && html`<optgroup label="Files of this page">${known.files.map((one) => html`<option value=${`file:${one}`}>${one}${without(`file:${one}`)}</option>`)}</optgroup>`}
+      <optgroup label="Shipped">${known.shipped.map((one) => html`<option value=${`shipped:${one}`}>${one}${without(`shipped:${one}`)}</option>`)}</optgroup></select></label>
       ${document && html`<p>Rig ${document.rig}.</p>`}</div></section>
     ${document && html`
       <${MeasuredTarget} document=${document} change=${change} />

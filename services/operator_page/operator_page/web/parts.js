@@ -13,11 +13,15 @@ export const share = (value) => (value === null || value === undefined ? "–" :
 export const percent = (value) => (value === null || value === undefined ? "–" : `${(100 * value).toFixed(1)} %`);
 export const clock = (when) => new Date(1000 * when).toLocaleTimeString([], { hour12: false });
 
-// A test runs for weeks: the date of what was not today.
-export function moment(when) {
+// Year, month, day, as on the command line: no country reads it as another day.
+export function dated(when) {
   const date = new Date(1000 * when);
-  return `${date.toDateString() === new Date().toDateString() ? "" : `${date.toLocaleDateString()} `}${clock(when)}`;
+  const digits = (value) => String(value).padStart(2, "0");
+  return `${date.getFullYear()}-${digits(date.getMonth() + 1)}-${digits(date.getDate())} ${clock(when)}`;
 }
+
+// A test runs for weeks: the date of what was not today.
+export const moment = (when) => (new Date(1000 * when).toDateString() === new Date().toDateString() ? clock(when) : dated(when));
 
 export function span(value) {
   if (value === null || value === undefined) return "–";
@@ -102,6 +106,13 @@ export function curve(low, high, step) {
   return [x, y];
 }
 
+// Number at an axis, with all the digits of its step: uPlot itself rounds to three decimals.
+function mark(value, step) {
+  if (value === null) return "";
+  const short = Math.abs(value) < 1e-6 * step ? 0 : Number(value.toPrecision(8));
+  return short !== 0 && (Math.abs(short) >= 1e6 || Math.abs(short) < 1e-3) ? short.toExponential().replace("e+", "e") : short.toString();
+}
+
 export function Plot({ title, unit, curves, changes, lines = 8, xLabel = "s" }) {
   const place = useRef(null);
   const plot = useRef(null);
@@ -112,7 +123,7 @@ export function Plot({ title, unit, curves, changes, lines = 8, xLabel = "s" }) 
     const names = curves.map((one) => one.name);
     place.current.dataset.ink = colour("--text");
     const height = Math.round(lines * text);
-    const axis = { stroke: colour("--text"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line"), size: 5 }, font: `${Math.round(0.85 * text)}px system-ui` };
+    const axis = { stroke: colour("--text"), grid: { stroke: colour("--line"), width: 1 }, ticks: { stroke: colour("--line"), size: 5 }, values: (_, marks, axisNumber, space, step) => marks.map((value) => mark(value, step)), font: `${Math.round(0.85 * text)}px system-ui` };
     const made = new self.uPlot({
       width: place.current.clientWidth || 300, height, legend: { show: false }, cursor: { show: false }, pxAlign: false,
       scales: { x: { time: false } },

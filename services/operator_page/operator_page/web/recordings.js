@@ -1,7 +1,7 @@
 // What was recorded: found, reported, compared, verified, exported.
 "use strict";
 import { attempt, get, html, isOperator, post, say, state, useEffect, useState } from "/web/lab.js";
-import { Table } from "/web/parts.js";
+import { Table, dated } from "/web/parts.js";
 
 export function RecordingsScreen() {
   const [asked, setAsked] = useState({ rig: "", target: "", result: "" });
@@ -26,10 +26,10 @@ export function RecordingsScreen() {
       <label>Result <select value=${asked.result} onChange=${set("result")}><option value="">all</option>${(found ? found.results : []).map((one) => html`<option>${one}</option>`)}</select></label>
       ${marked.length >= 2 ? html`<a class="button" target="_blank" rel="noopener" href=${`/api/comparison?${marked.map((id) => `id=${encodeURIComponent(id)}`).join("&")}`}>Compare ${marked.length}</a>` : html`<p>Mark two or more to compare them.</p>`}</div>
     ${found && html`<${Table} caption=${`${found.found} recordings, the newest first${found.found > found.recordings.length ? `; ${found.recordings.length} are shown` : ""}`}
-      heads=${["recording", "look at", "export the best", "verify", "result", "begun", "rig", "target", "size"]}
+      heads=${["recording", "report", "export of the best playback", "verify", "result", "begun", "rig", "target", "size"]}
       rows=${found.recordings.map((one) => [html`<label class="choice"><input type="checkbox" checked=${marked.includes(one.id)} onChange=${mark(one.id)} disabled=${!one.closed} /> ${one.id}</label>`,
         one.closed ? html`<a href=${`/api/recordings/${one.id}/report`} target="_blank" rel="noopener">report</a>` : "–",
         one.closed ? html`<span class="links"><a href=${`/api/recordings/${one.id}/export/drive/rsp`} download>drive</a> <a href=${`/api/recordings/${one.id}/export/response/rsp`} download>response</a> <a href=${`/api/recordings/${one.id}/export/target/rsp`} download>target</a></span>` : "–",
         one.closed && isOperator() ? (findings[one.id] ? html`<span class="wrapped">${findings[one.id]}</span>` : html`<button type="button" onClick=${() => verify(one.id)}>Verify</button>`) : "–",
-        one.closed ? one.result : `${one.result}, still written`, one.begun ? new Date(1000 * one.begun).toLocaleString([], { hour12: false }) : "–", one.rig, html`<div class="wrapped long">${one.target}</div>`, `${(one.bytes / 1e6).toFixed(1)} MB`])} />`}`;
+        one.closed ? one.result : `${one.result}, still written`, one.begun ? dated(one.begun) : "–", one.rig, html`<div class="wrapped long">${one.target}</div>`, `${(one.bytes / 1e6).toFixed(1)} MB`])} />`}`;
 }

@@ -1,6 +1,6 @@
 // An endurance test begun: from a schedule file, or from drives of recordings; with a forecast before anything moves.
 "use strict";
-import { attempt, chooseRig, get, html, isOperator, mayMove, post, say, state, useEffect, useState } from "/web/lab.js";
+import { attempt, chooseRig, get, html, isOperator, mayMove, post, say, state, useEffect, useRef, useState } from "/web/lab.js";
 import { Deliberate, Table, figure, span, typedNumber } from "/web/parts.js";
 
 export function BeginEndurance({ broken }) {
@@ -9,22 +9,30 @@ export function BeginEndurance({ broken }) {
   const [pace, setPace] = useState("fast");
   const [forecast, setForecast] = useState(null);
   const [busy, setBusy] = useState("");
+  const asked = useRef(0);
   const read = () => attempt(async () => setKnown(await get("/api/schedules")));
   useEffect(() => { read(); }, []);
   if (!isOperator()) return html`<p>No endurance test runs on this rig.</p>`;
   if (!known) return html`<p>Reading the schedules …</p>`;
   const choose = async (chosen) => {
+    asked.current += 1;
+    const turn = asked.current;
     setName(chosen);
     setForecast(null);
+    setBusy(chosen ? "Reading its drives …" : "");
     if (!chosen) return;
-    setBusy("Reading its drives …");
-    setForecast((await attempt(() => get(`/api/schedules/${chosen}`))) || null);
+    const found = await attempt(() => get(`/api/schedules/${chosen}`));
+    // Another one was chosen meanwhile: its forecast is shown, also where this one comes later.
+    if (turn !== asked.current) return;
+    setForecast(found || null);
     setBusy("");
   };
+  const ofRig = known.schedules.filter((one) => !known.rigs[one] || known.rigs[one] === state.rig);
   return html`<section class="card" aria-label="Begin an endurance test"><h2>Begin an endurance test</h2>
-    <div class="row"><label>Schedule <select name="schedule" value=${name} onChange=${(event) => choose(event.target.value)}><option value="">choose …</option>${known.schedules.map((one) => html`<option value=${one}>${one}</option>`)}</select></label>
+    <div class="row"><label>Schedule <select name="schedule" value=${name} onChange=${(event) => choose(event.target.value)}><option value="">choose …</option>${ofRig.map((one) => html`<option value=${one}>${one}</option>`)}</select></label>
       <label>Pace of a simulated rig <select name="pace" value=${pace} onChange=${(event) => setPace(event.target.value)}><option value="fast">as fast as it can</option><option value="real">real time</option></select></label>
       <${Deliberate} label=${forecast ? `Begin ${name} on ${forecast.rig}` : "Begin the test"} action="/api/endurance" values=${{ name, real_time: pace === "real", ...(forecast && { rigs: [forecast.rig] }) }} ready=${forecast !== null} done=${(answer) => chooseRig(answer.rig)} /> <span role="status">${busy}</span></div>
+    <p>These are the schedules for the rig ${state.rig}. For those of another rig, choose it at the top.</p>
     ${forecast && html`<${Forecast} forecast=${forecast} />`}
     <${MakeSchedule} known=${known} saved=${async (made) => { await read(); choose(made); }} />
     ${known.open.length > 0 && html`<details class="broken" open=${broken}><summary>Continue a test that was broken off</summary><p>Its sequencer ended before the test did. It continues at its next repeat; nothing is played twice.</p>
@@ -36,7 +44,7 @@ function Forecast({ forecast }) {
   return html`<p>${forecast.repeats} repeats on ${forecast.rig}, ${span(forecast.seconds)} of playing, ${(forecast.bytes / 1e6).toFixed(1)} MB on disk before compression.</p>
     ${forecast.rig !== state.rig && html`<p class="notice">It plays on the rig ${forecast.rig}, not on ${state.rig}.</p>`}
     ${forecast.notes.map((note) => html`<p class="notice">${note}</p>`)}
-    <div class="beside"><${Table} caption="Events" heads=${["event", "repeats", "one repeat", "kept", "drive"]} rows=${forecast.events.map(([event, repeats, seconds, kept, source]) => [event, repeats, span(seconds), kept, html`<span class="wrapped">${source}</span>`])} />
+    <div class="beside"><${Table} caption="Events" heads=${["event", "repeats", "one repeat", "kept with all samples", "drive"]} rows=${forecast.events.map(([event, repeats, seconds, kept, source]) => [event, repeats, span(seconds), kept, html`<span class="wrapped">${source}</span>`])} />
     ${forecast.channels.length > 0 && html`<${Table} caption="Damage of the whole schedule" heads=${["response", "damage plan", "planned damage", "ratio"]} rows=${forecast.channels.map(([channel, planned, damage, ratio]) => [channel, figure(planned), figure(damage), figure(ratio)])} />`}</div>
     ${forecast.channels.length > 0 && html`<p>Planned damage: all repeats, each with the damage of the response measured in the campaign of its drive.</p>`}`;
 }

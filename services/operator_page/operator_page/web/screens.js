@@ -1,7 +1,10 @@
 // Screens that watch: the lab, a rig, a run.
 "use strict";
 import { chooseRig, described, get, html, isOperator, mayMove, attempt, post, state, targetOf, useEffect, useState } from "/web/lab.js";
-import { Deliberate, Legend, Mode, NumberInput, Plot, Table, clock, curve, figure, percent, share, span, typedNumber } from "/web/parts.js";
+import { Deliberate, Legend, Mode, NumberInput, Plot, Table, clock, curve, figure, percent, sentence, share, span, typedNumber } from "/web/parts.js";
+
+// A rig that no longer answers may move.
+const motion = (rig) => (rig.age > 3 ? "It is not known whether it moves." : rig.run ? `Plays ${rig.run}, ${share(rig.fraction)}.` : "At rest.");
 
 const choose = (rig, screen) => () => { chooseRig(rig); location.hash = screen; };
 
@@ -16,8 +19,8 @@ export function LabScreen() {
       return html`<article class="card" key=${rig.name}><h2><a href="#rig" onClick=${choose(rig.name, "rig")}>${rig.name}</a></h2>
         <p><${Mode} rig=${rig} /></p>
         ${rig.reason && html`<p class="reason">${rig.reason}</p>`}
-        <p>${rig.run ? html`Plays ${rig.run}, ${share(rig.fraction)}.` : "At rest."} Last sign of life ${span(rig.age)} ago.</p>
-        <p>${rig.holder ? `Held by ${rig.holder.name} since ${clock(rig.holder.since)}.` : "Held by none."}</p>
+        <p>${motion(rig)} Last sign of life ${span(rig.age)} ago.</p>
+        <p>${rig.holder ? `Held by ${rig.holder.name} since ${clock(rig.holder.since)}.` : "Held by nobody."}</p>
         ${rig.waiting && html`<p>Being made ready: ${rig.waiting}.</p>`}
         ${campaign && html`<p><a href="#run" onClick=${choose(rig.name, "run")}>${campaign.id}</a>: ${campaign.activity}, ${share(campaign.fraction)}${campaign.remaining === null ? "" : `, ${span(campaign.remaining)} left`}</p>
           ${campaign.hold && html`<p class="notice">Waits for a decision.</p>`}`}
@@ -55,8 +58,8 @@ export function RigScreen() {
       <article class="card"><h2>State</h2><p class="large"><${Mode} rig=${rig} /></p>
         ${rig.reason && html`<p class="reason">${rig.reason}</p>`}
         ${rig.reset && html`<p>${rig.reset}</p>`}
-        <p>${rig.run ? `Plays ${rig.run}, ${share(rig.fraction)}.` : "At rest."} Last sign of life ${span(rig.age)} ago.</p></article>
-      <article class="card"><h2>Held by</h2><p>${rig.holder ? html`${rig.holder.name}${mine ? " (you)" : ""} since ${clock(rig.holder.since)}.` : "None: the first who commands it holds it."}</p>
+        <p>${motion(rig)} Last sign of life ${span(rig.age)} ago.</p></article>
+      <article class="card"><h2>Held by</h2><p>${rig.holder ? html`${rig.holder.name}${mine ? " (you)" : ""} since ${clock(rig.holder.since)}.` : "Nobody; the first person who commands it holds it."}</p>
         ${isOperator() && (mine
           ? html`<button type="button" disabled=${!mayMove()} onClick=${() => attempt(() => post(`/api/rigs/${rig.name}/release`))}>Release</button>`
           : html`<${Deliberate} label=${`Take over ${rig.name}`} action=${`/api/rigs/${rig.name}/take`} values=${{}} />`)}</article>
@@ -64,11 +67,11 @@ export function RigScreen() {
         <p>Look at the rig first. A reset lets it move again; any operator may reset what anybody stopped.</p>
         <div class="row"><label class="wide">Reason <input name="reset-reason" value=${reason} maxlength="300" onInput=${(event) => setReason(event.target.value)} /></label>
         <${Deliberate} label=${`Reset ${rig.name}`} action=${`/api/rigs/${rig.name}/reset`} values=${{ reason: reason.trim() }} ready=${rig.mode === "interlocked" && reason.trim() !== ""} done=${() => setReason("")} /></div></article>`}
-      ${isOperator() && html`<article class="card"><h2>Pre-test</h2><p>Small pulses on each drive, within 5 % of its limits, find dead, swapped and inverted channels. The event log says what is found.</p>
+      ${isOperator() && html`<article class="card"><h2>Pre-test</h2><p>Small pulses on each drive, within 5 % of its limits, find dead, swapped and inverted channels. The event log says what is found.</p>
         <${Deliberate} label=${`Pre-test ${rig.name}`} action=${`/api/rigs/${rig.name}/pre_test`} values=${{}} ready=${rig.mode === "idle"} /></article>`}
     </div>
     ${about && html`
-      <p>${about.specimen}. ${about.engine} ${about.version}, ${figure(about.sample_rate)} Hz, drives up to ${span(about.longest_drive_seconds)}.
+      <p>${sentence(about.specimen)}. Engine: ${about.engine} ${about.version}. Sample rate: ${figure(about.sample_rate, 5)} Hz. Longest drive: ${span(about.longest_drive_seconds)}.
         ${about.simulated ? " A simulation: nothing real moves." : ""}${about.cannot_be_stopped ? " A run that has begun cannot be stopped." : ""}</p>
       ${about.overdue.map((sentence) => html`<p class="notice">${sentence}</p>`)}
       <${Table} caption="Drives" heads=${["drive", "limits", "rate limit", "what it is"]}
@@ -87,7 +90,7 @@ export function RunScreen() {
     ${rig && rig.reason && html`<p class="reason">${rig.reason}</p>`}
     ${rig && rig.waiting && html`<p class="notice">Being made ready: ${rig.waiting}.</p>`}
     ${campaign && html`
-      <p class="activity">${campaign.activity}${campaign.ended ? "" : html` — ${share(campaign.fraction)}${campaign.remaining === null ? "" : `, ${span(campaign.remaining)} left`}`}</p>
+      <p class="activity">${sentence(campaign.activity)}${campaign.ended ? "" : html` — ${share(campaign.fraction)} done${campaign.remaining === null ? "" : `, ${span(campaign.remaining)} left`}`}</p>
       <progress max="1" value=${campaign.fraction} aria-label="Share of the campaign that is done"></progress>
       ${campaign.ended && isOperator() && html`<p class="row resume">Continue from its last playback, as a new campaign: <${Deliberate} label=${`Resume ${campaign.id} on ${campaign.rig}`} action=${`/api/campaigns/${campaign.id}/resume`} values=${{ from_iteration: 0 }} />
         <a href="#recordings">Report and recording</a></p>`}
@@ -105,16 +108,19 @@ function Begin() {
   if (!isOperator()) return html`<p>No campaign runs on this rig.</p>`;
   if (!known) return html`<p>Reading the campaigns …</p>`;
   const [kind, name] = chosen.split(":");
-  const rigs = known.rigs[chosen] || [];
-  const options = (of, names) => names.map((one) => [one, `${of}:${one}`]).filter(([, key]) => !known.rigs[key] || known.rigs[key][0] === state.rig)
-    .map(([one, key]) => html`<option value=${key} disabled=${!known.rigs[key]}>${one}${known.rigs[key] ? "" : " (cannot be read; see New test)"}</option>`);
+  const rigs = known.unavailable[chosen] ? [] : known.rigs[chosen] || [];
+  const ofRig = (of, names) => names.map((one) => [one, `${of}:${one}`]).filter(([, key]) => !known.rigs[key] || known.rigs[key][0] === state.rig);
+  const why = (key) => (known.unavailable[key] ? " (unavailable)" : known.rigs[key] ? "" : " (cannot be read; see New test)");
+  const options = (of, names) => ofRig(of, names).map(([one, key]) => html`<option value=${key} disabled=${why(key) !== ""}>${one}${why(key)}</option>`);
+  const unavailable = [...ofRig("file", known.files), ...ofRig("shipped", known.shipped)].filter(([, key]) => known.unavailable[key]);
   return html`<section class="card" aria-label="Begin a campaign"><h2>Begin a campaign</h2>
     <div class="row"><label>Campaign <select name="campaign" value=${chosen} onChange=${(event) => setChosen(event.target.value)}>
       <option value="">choose …</option>
       <optgroup label="Files of this page">${options("file", known.files)}</optgroup>
       <optgroup label="Shipped">${options("shipped", known.shipped)}</optgroup></select></label>
     <${Deliberate} label=${chosen ? `Begin ${name} on ${rigs.join(" and ")}` : "Begin"} action="/api/campaigns" values=${{ kind, name, rigs }} ready=${rigs.length > 0} done=${(answer) => chooseRig(answer.rig)} /></div>
-    <p>These are the campaigns of ${state.rig}. For another one, choose its rig at the top.</p></section>`;
+    <p>These are the campaigns for the rig ${state.rig}. For those of another rig, choose it at the top.</p>
+    ${unavailable.map(([one, key]) => html`<p class="unavailable" key=${key}><strong>${one}</strong> is unavailable. ${known.unavailable[key]}</p>`)}</section>`;
 }
 
 function Iterations({ table }) {
@@ -123,10 +129,10 @@ function Iterations({ table }) {
     cells: [`${number}${number === table.best ? " ★ best" : ""}`, share(table.level[row]), percent(table.overall[row]),
       ...table.channels.map((_, column) => html`${percent(table.error[row][column])} <span class="second">${figure(table.damage[row][column])}</span>`)],
   }));
-  const points = [table.numbers, table.overall];
+  const points = [table.numbers, table.overall.map((error) => (error === null ? null : 100 * error))];
   return html`<div class="iterations"><${Table} caption="Iterations: relative RMS error, and damage ratio (slope 5) in small" className="figures"
       heads=${["playback", "level", "overall", ...table.channels.map((name, i) => name + (table.watched[i] ? " (monitored)" : ""))]} rows=${rows} />
-    ${table.numbers.length > 1 && html`<${Plot} title="Overall error" unit="1" xLabel="playback" changes=${points[0].length} curves=${[{ name: "error", colour: "--response", width: 2, data: points }]} />`}</div>`;
+    ${table.numbers.length > 1 && html`<${Plot} title="Overall error" unit="%" xLabel="playback" changes=${points[0].length} curves=${[{ name: "error", colour: "--response", width: 2, data: points }]} />`}</div>`;
 }
 
 function Curves({ campaign }) {
@@ -137,7 +143,7 @@ function Curves({ campaign }) {
   const isIteration = campaign && run.run.startsWith(`${campaign.id}.i`);
   const target = isIteration && kind === "response" ? targetOf(campaign.id) : null;
   const channels = kind === "response" ? about.responses : about.drives;
-  return html`<section aria-label="Signals"><h2>${run.run}${run.over ? " (played)" : ""}</h2>
+  return html`<section aria-label="Signals"><h2>Signals of ${run.run}${run.over ? " (played)" : ""}</h2>
     <div class="row"><label>Show <select value=${kind} onChange=${(event) => setKind(event.target.value)}><option value="response">responses</option><option value="drive">drives</option></select></label>
       <${Legend} curves=${target ? [["target", "target"], ["response, both without their static part", "response"]] : [[kind, "response"]]} /></div>
     <div class="plots">${channels.map((channel, row) => {

@@ -7,7 +7,8 @@ pytestmark = IN_A_BROWSER
 
 
 def test_a_begin_that_fails_later_is_reported_in_its_window_and_holds_no_rig(lab, served, browser):
-    lab.put_campaign(served, campaign("fails", target={"file": "absent.rsp"}))
+    lab.put_campaign(served, campaign("fails", target={"file": "broken.rsp"}))
+    (served.files / "broken.rsp").write_bytes(b"no signals")
     page = Page(browser, served.address)
     page.go("run")
     page.choose("select[name=campaign]", "file:fails")
@@ -16,7 +17,7 @@ def test_a_begin_that_fails_later_is_reported_in_its_window_and_holds_no_rig(lab
         ".observe(document.querySelector('.said'), {subtree: true, childList: true, characterData: true}); 0"
     )
     page.deliberate("section[aria-label='Begin a campaign']")
-    page.wait_for_text("absent.rsp", ".said.bad")
+    page.wait_for_text("broken.rsp", ".said.bad")
     assert not page.value("answers.some((one) => one.includes('done.'))")
     assert Client(served.address).lab()["rigs"][0]["holder"] is None
 

@@ -29,6 +29,8 @@ def chosen(page: Page) -> str:
 
 def test_only_campaigns_of_the_chosen_rig_are_offered_and_what_is_armed_names_its_rigs(lab, served, page):
     lab.put_campaign(served, campaign("road"))
+    roadless = {"opencrg": {"path": "nowhere.crg", "duration": 4.0}, "vehicle": "predecessor", "speed": 15.0}
+    lab.put_campaign(served, campaign("roadless", target=roadless))
     (served.files / "cut.yaml").write_text("name: cut")
     page.choose(".rig-choice select", OTHER)
     page.go("run")
@@ -37,6 +39,8 @@ def test_only_campaigns_of_the_chosen_rig_are_offered_and_what_is_armed_names_it
     assert page.value(offered) == [""]
     page.choose(".rig-choice select", RIG)
     page.wait(f"{offered}.includes('file:road')")
+    assert "file:roadless" not in page.value(offered)
+    assert "roadless is unavailable. Its road nowhere.crg is missing in the folder of this page." in page.text("main")
     page.choose("select[name=campaign]", "file:road")
     page.click(".arm")
     page.wait_for_text(f"Begin road on {RIG} now", ".go")
@@ -51,10 +55,15 @@ def test_only_campaigns_of_the_chosen_rig_are_offered_and_what_is_armed_names_it
     page.wait_for_text("idle", ".large")
 
 
-def test_the_window_follows_the_rig_that_it_starts_and_the_key_stops_that_rig(lab, served, page):
+def test_only_schedules_of_the_chosen_rig_are_offered_and_the_key_stops_the_rig_that_begins(lab, served, page):
     lab.put_schedule(served, schedule("weeks"))
     page.choose(".rig-choice select", OTHER)
     page.go("endurance")
+    offered = "[...document.querySelectorAll('select[name=schedule] option')].map((one) => one.value)"
+    page.wait("document.querySelector('select[name=schedule]')")
+    assert page.value(offered) == [""]
+    page.choose(".rig-choice select", RIG)
+    page.wait(f"{offered}.includes('weeks')")
     page.choose("select[name=schedule]", "weeks")
     page.choose("select[name=pace]", "real")
     page.click("section[aria-label='Begin an endurance test'] .arm")
@@ -65,6 +74,28 @@ def test_the_window_follows_the_rig_that_it_starts_and_the_key_stops_that_rig(la
     page.key("F9", windowsVirtualKeyCode=120)
     page.wait_for_text("stopped", "h1 .mode")
     assert lab.lab.state(OTHER).mode == "idle"
+
+
+def test_the_forecast_is_that_of_the_schedule_chosen_last_in_whatever_order_the_answers_come(lab, served, page):
+    for name, repeats in (("slow", 700), ("quick", 500)):
+        made = schedule(name)
+        made["events"] = {"rough": {**made["events"]["rough"], "repeats": repeats}}
+        lab.put_schedule(served, made)
+    page.choose(".rig-choice select", RIG)
+    page.value(
+        "(() => { const real = fetch; self.fetch = async (path, ...also) => { const answer = await real(path, ...also);"
+        "if (path.endsWith('/slow')) { await new Promise((come) => { self.come = come; }); self.came = true; }"
+        "return answer; }; })()"
+    )
+    page.go("endurance")
+    page.choose("select[name=schedule]", "slow")
+    page.wait("self.come")
+    page.choose("select[name=schedule]", "quick")
+    page.wait_for_text(f"500 repeats on {RIG}")
+    page.value("come(); new Promise((done) => setTimeout(done, 500))")
+    assert page.value("came")
+    assert f"500 repeats on {RIG}" in page.text("main")
+    assert "700 repeats" not in page.text("main")
 
 
 def test_a_reload_or_an_absent_rig_does_not_change_the_rig_that_is_stopped(browser, page):

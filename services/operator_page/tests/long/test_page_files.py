@@ -106,6 +106,17 @@ def test_a_campaign_is_checked_by_the_models_of_the_command_line_and_saved_as_it
     assert client.post("/api/campaign_files", {"document": read, "save": True, "replace": True})[0] == 200
 
 
+def test_a_campaign_without_its_road_is_listed_with_the_reason_and_begins_nothing(client):
+    missing = client.get("/api/campaign_files")[1]["unavailable"]
+    assert list(missing) == ["shipped:belgian_block"]
+    assert missing["shipped:belgian_block"].startswith(
+        "Its road belgian_block.crg is missing in the folder in which this page was started. It is crg-bin/"
+    )
+    status, answer = client.act("/api/campaigns", {"kind": "shipped", "name": "belgian_block"})
+    assert (status, answer["field"]) == (400, "name")
+    assert answer["error"] == f"belgian_block cannot begin. {missing['shipped:belgian_block']}"
+
+
 @pytest.mark.parametrize(
     ("changes", "said"),
     [

@@ -47,7 +47,7 @@ def test_a_campaign_is_begun_held_changed_decided_stopped_and_resumed(lab, serve
     page.wait_for_text("playing", "h1 .mode")
     page.click("#stop")
     page.wait_for_text("interlocked", "h1 .mode")
-    page.wait_for_text("stopped", ".activity")
+    page.wait_for_text("Stopped", ".activity")
     assert lab.lab.state(RIG).reason == "Stop (local operator, at the operator page)"
     page.go("rig")
     page.write("article input", "the stop was a test")
@@ -143,7 +143,7 @@ def test_the_keyboard_alone_begins_changes_decides_stops_resumes_and_opens_the_r
     page.wait_for_text("playing", "h1 .mode")
     page.key("F9", windowsVirtualKeyCode=120)
     page.wait_for_text("interlocked", "h1 .mode")
-    page.wait_for_text("stopped", ".activity")
+    page.wait_for_text("Stopped", ".activity")
     page.value("document.activeElement.blur()")
     page.key("2", text="2")
     say("article input", "the stop was a test")
@@ -357,7 +357,7 @@ def test_every_screen_fits_each_display_with_the_stop_in_sight_and_text_that_can
     page.choose("select[name=beginning]", f"rig:{RIG}")
     page.wait("document.querySelector('input[name=measured]')")
     found = {}
-    for width, height in ((1920, 1080), (1366, 768), (1180, 820), (1024, 768), (820, 1180)):
+    for width, height in ((1920, 1080), (1366, 768), (1180, 820), (1024, 768), (820, 1180), (390, 844)):
         page.look(width, height, "light")
         for screen in ("lab", "rig", "run", "endurance", "new", "recordings"):
             page.go(screen)
