@@ -1,13 +1,18 @@
 """Project files: what events share, what is theirs, in which order they are made."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
+import synthetic_campaign
 import yaml
 
-from duralab.campaign import is_project, load_campaign, load_project, parse_project, shipped_projects
+from duralab.campaign import Judgement, is_project, load_campaign, load_project, parse_project, shipped_projects
+from duralab.data import IterationTable
 from duralab.errors import InputError
 from duralab.lab.event_order import likeness, nearest, ordered
 from duralab.lab.project_drives import blended
+from duralab.lab.project_result import EventResult, ProjectResult
 
 SHARED = {
     key: value for key, value in yaml.safe_load(load_campaign("front_axle_demo").text).items() if key != "target"
@@ -106,3 +111,25 @@ def test_drives_are_joined_without_a_jump():
     assert np.abs(np.diff(whole)).max() < 0.02
     np.testing.assert_array_equal(whole[:, -50:], second)
     np.testing.assert_array_equal(blended([first], RATE), first)
+
+
+def test_a_project_names_the_reason_why_an_event_did_not_reach_its_target():
+    events = project({"a": road(1), "b": road(2), "c": road(3)}).events
+    made = synthetic_campaign.make(seconds=4.0, iterations=2)
+
+    def result(judgement, sentence):
+        table = IterationTable.from_messages([synthetic_campaign.metrics(made, row) for row in range(2)])
+        verdict = SimpleNamespace(judgement=judgement, sentence=sentence)
+        return SimpleNamespace(iterations=table, verdict=verdict, recording_path="x.mcap")
+
+    missed = "The target was not reached: 27.4 % of the energy is outside the control band."
+    found = ProjectResult(
+        "tracks",
+        (
+            EventResult(events[0], result(Judgement.REACHED, "The target was reached.")),
+            EventResult(events[1], result(Judgement.NOT_REACHED, missed)),
+            EventResult(events[2], None, error="The rig is latched."),
+        ),
+    )
+    assert str(found).endswith(f"\n- b: {missed}\n- c: The rig is latched.")
+    assert [event["reason"] for event in found.document()["events"]] == ["", missed, "The rig is latched."]

@@ -213,6 +213,18 @@ def test_show_prints_the_forecast_and_as_json_one_document(folder):
     assert told["bytes"] == told["sample_bytes"] + told["statistics_bytes"]
 
 
+def test_an_event_whose_repeats_are_all_taken_for_its_baseline_is_named(folder):
+    def notes(rough, smooth, text="monitoring: {baseline_repeats: 8}"):
+        given = schedule(folder, text, rough=f"repeats: {rough}", smooth=f"repeats: {smooth}")
+        return duralab.forecast_schedule(duralab.load_schedule(given)).notes
+
+    assert notes(9, 400) == ()
+    (note,) = notes(8, 400)
+    assert note.startswith("The baseline of an event is learnt from its first 8 repeats")
+    assert note.endswith("rough (8) has no more, so no change is detected in it.")
+    assert "rough (10), smooth (4) has no more" in notes(10, 4, "")[0]
+
+
 def test_a_recording_is_found_by_its_id(folder, tmp_path):
     shutil.copy(folder / "rough" / "recording.mcap", tmp_path / "rough-1.mcap")
     path = tmp_path / "ids.yaml"

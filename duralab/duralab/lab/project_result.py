@@ -41,6 +41,11 @@ class EventResult:
         return self.result is not None and self.result.verdict.judgement is Judgement.REACHED
 
     @property
+    def reason(self) -> str:
+        """Reason why the event did not reach its target; empty if it did."""
+        return "" if self.reached else self.error or (self.result.verdict.sentence if self.result is not None else "")
+
+    @property
     def row(self) -> tuple[str, ...]:
         """Row of the event in the table."""
         about = (self.event.name, self.event.campaign.rig, self.started_from or "–")
@@ -107,6 +112,7 @@ class ProjectResult:
                     "started_from": event.started_from,
                     "reached": event.reached,
                     "error": event.error,
+                    "reason": event.reason,
                     "recording": None if event.result is None else event.result.recording_path,
                     "worst_error": None if event.result is None else event.result.iterations.judged_error.max(axis=1),
                 }
@@ -123,8 +129,8 @@ class ProjectResult:
     def __str__(self) -> str:
         """Return the table and the sentence as text."""
         header, rows = self.rows()
-        early = "".join(f"\n- {event.event.name}: {event.error}" for event in self.events if event.error)
-        return f"{text_table(header, rows, left=3)}\n{self.sentence}{early}"
+        reasons = "".join(f"\n- {event.event.name}: {event.reason}" for event in self.events if event.reason)
+        return f"{text_table(header, rows, left=3)}\n{self.sentence}{reasons}"
 
     def _repr_html_(self) -> str:
         header, rows = self.rows()

@@ -250,6 +250,13 @@ def _with_forecast(
         raise InputError(str(error)) from error
     if found.unknown_damage:
         notes = (*notes, f"The damage of {', '.join(found.unknown_damage)} is not known and not counted.")
+    learnt = schedule.monitoring.baseline_repeats
+    if unwatched := [f"{name} ({count})" for name, count in found.repeats.items() if 0 < count <= learnt]:
+        notes = (
+            *notes,
+            f"The baseline of an event is learnt from its first {learnt} repeats (monitoring.baseline_repeats); "
+            f"{', '.join(unwatched)} has no more, so no change is detected in it.",
+        )
     return ScheduleForecast(schedule, events, planned, found, notes)
 
 

@@ -162,7 +162,8 @@ def _run_project(
             output.say(f"[{count}/{len(project.events)}] {event.event.name} (starts from {start}): {said}")
 
         result = lab.run_project(project, out=folder, on_event=show)
-    output.say("", str(result), f"report     {result.report_path}", f"order file {result.order_path}")
+    written = (("report", result.report_path), ("order file", result.order_path))
+    output.say("", str(result), *(f"{what:<10} {path}" for what, path in written if path is not None))
     output.document(result.document())
     if any(event.result is None for event in result.events):
         raise typer.Exit(int(ExitCode.FAILED))
