@@ -50,8 +50,10 @@ class EnduranceRoutes:
         shown = self._view.endurance.documents(time.time())
         under_way = {each["id"] for each in shown if not (each["ended"] or each["silent"])}
         open_ones = {re.sub(r"-v\d{4}$", "", each.id) for each in found if _is_test(each) and not each.closed}
+        listed = await self._workers.in_thread(self._files.listed)
         return {
-            "schedules": (await self._workers.in_thread(self._files.listed))["schedules"],
+            "schedules": listed["schedules"],
+            "schedule_rigs": listed["schedule_rigs"],
             "drives": [
                 {"id": each.id, "rig": each.rig, "result": each.result.value}
                 for each in found

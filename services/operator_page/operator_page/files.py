@@ -41,7 +41,11 @@ class PageFiles:
         self.folder, self._largest_bytes = folder, largest_bytes
 
     def listed(self) -> dict[str, Any]:
-        """Return the names of all campaigns; `rigs`: Rigs of each readable campaign by `kind:name`, its own first."""
+        """Return the names of all campaigns and schedules.
+
+        `rigs`: Rigs of each readable campaign by `kind:name`, its own first. `schedule_rigs`: Rig of each readable
+        schedule.
+        """
         files, shipped = sorted(self.folder.glob("*.yaml")), shipped_campaigns()
         schedules = [path.stem for path in files if _is_schedule(path)]
         campaigns = [path.stem for path in files if path.stem not in schedules]
@@ -50,7 +54,17 @@ class PageFiles:
             for name in names:
                 with suppress(InputError, OSError, UnicodeDecodeError):
                     rigs[f"{kind}:{name}"] = list(self._campaign(kind, name).rigs)
-        return {"shipped": shipped, "files": campaigns, "schedules": schedules, "rigs": rigs}
+        schedule_rigs: dict[str, str] = {}
+        for name in schedules:
+            with suppress(InputError, OSError, UnicodeDecodeError):
+                schedule_rigs[name] = self.read_schedule(self.path(name).read_text(encoding="utf-8")).rig
+        return {
+            "shipped": shipped,
+            "files": campaigns,
+            "schedules": schedules,
+            "rigs": rigs,
+            "schedule_rigs": schedule_rigs,
+        }
 
     def path(self, name: str) -> Path:
         """Return the path of the campaign of a name; the name is checked, and holds no separator."""
