@@ -5,7 +5,7 @@ import { Deliberate, Table, figure, span, typedNumber } from "/web/parts.js";
 
 export function BeginEndurance({ broken }) {
   const [known, setKnown] = useState(null);
-  const [name, setName] = useState("");
+  const [picked, setPicked] = useState("");
   const [pace, setPace] = useState("fast");
   const [forecast, setForecast] = useState(null);
   const [busy, setBusy] = useState("");
@@ -14,26 +14,28 @@ export function BeginEndurance({ broken }) {
   useEffect(() => { read(); }, []);
   if (!isOperator()) return html`<p>No endurance test runs on this rig.</p>`;
   if (!known) return html`<p>Reading the schedules …</p>`;
+  // A schedule that cannot be read has no rig; its forecast says why.
+  const offered = known.schedules.filter((one) => !known.rigs[one] || known.rigs[one] === state.rig);
+  const name = offered.includes(picked) ? picked : "";
+  const shown = forecast && forecast.of === name ? forecast : null;
   const choose = async (chosen) => {
-    asked.current += 1;
-    const turn = asked.current;
-    setName(chosen);
+    // The answer of an earlier choice may come later.
+    const number = ++asked.current;
+    setPicked(chosen);
     setForecast(null);
     setBusy(chosen ? "Reading its drives …" : "");
     if (!chosen) return;
     const found = await attempt(() => get(`/api/schedules/${chosen}`));
-    // Another one was chosen meanwhile: its forecast is shown, also where this one comes later.
-    if (turn !== asked.current) return;
-    setForecast(found || null);
+    if (number !== asked.current) return;
+    setForecast(found ? { ...found, of: chosen } : null);
     setBusy("");
   };
-  const ofRig = known.schedules.filter((one) => !known.rigs[one] || known.rigs[one] === state.rig);
   return html`<section class="card" aria-label="Begin an endurance test"><h2>Begin an endurance test</h2>
-    <div class="row"><label>Schedule <select name="schedule" value=${name} onChange=${(event) => choose(event.target.value)}><option value="">choose …</option>${ofRig.map((one) => html`<option value=${one}>${one}</option>`)}</select></label>
+    <div class="row"><label>Schedule <select name="schedule" value=${name} onChange=${(event) => choose(event.target.value)}><option value="">choose …</option>${offered.map((one) => html`<option value=${one}>${one}</option>`)}</select></label>
       <label>Pace of a simulated rig <select name="pace" value=${pace} onChange=${(event) => setPace(event.target.value)}><option value="fast">as fast as it can</option><option value="real">real time</option></select></label>
-      <${Deliberate} label=${forecast ? `Begin ${name} on ${forecast.rig}` : "Begin the test"} action="/api/endurance" values=${{ name, real_time: pace === "real", ...(forecast && { rigs: [forecast.rig] }) }} ready=${forecast !== null} done=${(answer) => chooseRig(answer.rig)} /> <span role="status">${busy}</span></div>
+      <${Deliberate} label=${shown ? `Begin ${name} on ${shown.rig}` : "Begin the test"} action="/api/endurance" values=${{ name, real_time: pace === "real", ...(shown && { rigs: [shown.rig] }) }} ready=${shown !== null} done=${(answer) => chooseRig(answer.rig)} /> <span role="status">${busy}</span></div>
     <p>These are the schedules for the rig ${state.rig}. For those of another rig, choose it at the top.</p>
-    ${forecast && html`<${Forecast} forecast=${forecast} />`}
+    ${shown && html`<${Forecast} forecast=${shown} />`}
     <${MakeSchedule} known=${known} saved=${async (made) => { await read(); choose(made); }} />
     ${known.open.length > 0 && html`<details class="broken" open=${broken}><summary>Continue a test that was broken off</summary><p>Its sequencer ended before the test did. It continues at its next repeat; nothing is played twice.</p>
       ${known.open.map((id) => html`<p class="row" key=${id}><strong>${id}</strong> <${Deliberate} label=${`Continue ${id}`} action=${`/api/endurance/${id}/resume`} values=${{}} done=${(answer) => chooseRig(answer.rig)} /></p>`)}</details>`}

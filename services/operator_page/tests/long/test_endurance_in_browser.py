@@ -150,3 +150,40 @@ def test_the_screen_is_printed_whole_black_on_white_and_without_buttons(lab, ser
         "Light",
     ]
     assert [words for words in useless if words.replace(" ", "") in text] == []
+
+
+# Delays the answer about one schedule.
+LATE = """(() => {
+  const ask = window.fetch;
+  window.fetch = async (path, ...more) => {
+    const answer = await ask(path, ...more);
+    if (!String(path).endsWith("/api/schedules/late")) return answer;
+    await new Promise((go) => setTimeout(go, 6000));
+    window.lateCame = true;
+    return answer;
+  };
+})()"""
+
+
+def test_the_forecast_is_that_of_the_schedule_chosen_last_and_schedules_are_those_of_the_rig(tmp_path, browser):
+    with PageLab(tmp_path) as lab:
+        served = lab.page("page")
+        events = schedule()["events"]
+        lab.put_schedule(served, schedule("late"))
+        lab.put_schedule(served, schedule("soon", events={"rough": events["rough"] | {"repeats": 7}}))
+        lab.put_schedule(served, schedule("elsewhere", rig="another_rig"))
+        page = Page(browser, served.address)
+        page.go("endurance")
+        page.wait("document.querySelector('select[name=schedule]') !== null")
+        offered = page.value("[...document.querySelectorAll('select[name=schedule] option')].map((one) => one.value)")
+        assert offered == ["", "late", "soon"]
+        page.value(LATE)
+        page.choose("select[name=schedule]", "late")
+        page.choose("select[name=schedule]", "soon")
+        page.wait_for_text(f"7 repeats on {RIG}")
+        page.wait("window.lateCame === true")
+        page.value("new Promise((go) => setTimeout(go, 500))")
+        page.wait_for_text("Begin soon on")
+        assert f"7 repeats on {RIG}" in page.text()
+        assert "1800 repeats" not in page.text()
+        assert page.value("wrong") == []
