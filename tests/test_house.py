@@ -278,6 +278,12 @@ def test_no_file_knows_the_machine_it_was_written_on():
     assert found == {}
 
 
+def test_no_file_has_the_marks_of_an_unfinished_merge():
+    # Of all languages: no linter here reads the scripts of pages.
+    marks = ["git", "grep", "--name-only", "-I", "-E", "^(<{7}|>{7}) "]
+    assert subprocess.run(marks, cwd=ROOT, capture_output=True, text=True, check=False).stdout.split() == []
+
+
 def test_the_lock_pins_every_package_with_hashes_and_names_no_index():
     lock = (ROOT / "requirements.lock").read_text()
     entries = re.split(r"(?m)^(?=\S)", lock)[1:]

@@ -82,12 +82,8 @@ function Schedule({ test, known }) {
 
 function Damage({ test }) {
   const off = (ratio) => ratio !== null && (ratio > 1.2 || ratio < 0.8);
-<<<<<<< HEAD
   const corrected = test.correction_playbacks > 0;
   return html`<div><${Table} caption="Damage against plan" heads=${["response", "counted", ...(corrected ? ["of it by corrections"] : []), "planned so far", "over planned so far", "over planned in all"]}
-=======
-  return html`<${Table} caption="Damage against plan" heads=${["response", "counted", "planned so far", "share of that", "share of the whole plan"]}
->>>>>>> 42b09be2e93cc17501fc18e5cab4d5779b3ffb19
     rows=${test.damage.map(([name, counted, planned, whole]) => {
       const ratio = planned ? counted / planned : null;
       return { className: off(ratio) ? "off" : "", cells: [name, figure(counted), ...(corrected ? [figure(test.correction_damage[name])] : []), figure(planned), html`${off(ratio) ? html`<span aria-hidden="true">${ratio > 1 ? "↑" : "↓"}</span> ` : ""}${share(ratio)}`,
