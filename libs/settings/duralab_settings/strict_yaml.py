@@ -94,6 +94,12 @@ class _StrictDumper(_SafeDumper):
     yaml_implicit_resolvers = _resolvers(_SafeDumper)
 
 
+class _StrictPythonDumper(yaml.SafeDumper):
+    """The same in Python, for texts with half a character, which the one in C cannot encode."""
+
+    yaml_implicit_resolvers = _resolvers(yaml.SafeDumper)
+
+
 def _check_number(node: yaml.ScalarNode) -> None:
     """Refuse an integer that is too long, and a number that YAML 1.1 reads in base 8 or 60."""
     value: str = node.value
@@ -128,14 +134,16 @@ def dump_yaml(content: Any, *, sort_keys: bool = False, flow: bool = False, widt
     str
         Text that ends with a line feed.
     """
-    return yaml.dump(
-        content,
-        Dumper=_StrictDumper,
-        sort_keys=sort_keys,
-        default_flow_style=flow,
-        width=int(min(width, _WIDEST)),
-        allow_unicode=True,
-    )
+    form: dict[str, Any] = {
+        "sort_keys": sort_keys,
+        "default_flow_style": flow,
+        "width": int(min(width, _WIDEST)),
+        "allow_unicode": True,
+    }
+    try:
+        return yaml.dump(content, Dumper=_StrictDumper, **form)
+    except UnicodeEncodeError:
+        return yaml.dump(content, Dumper=_StrictPythonDumper, **form)
 
 
 def read_yaml_text(path: Path) -> str:

@@ -45,6 +45,10 @@ def test_what_looks_like_a_number_and_is_none_is_a_text(text):
     assert parse_yaml(f"a: {text}") == {"a": text.strip("'\"")}
 
 
+def test_half_a_character_is_written_as_its_number():
+    assert dump_yaml({"a": "\ud800", "b": "1e3"}) == "a: \"\\uD800\"\nb: '1e3'\n"
+
+
 def test_a_text_that_is_written_is_read_as_text():
     texts = [
         "1e3",
