@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Final
+from typing import Final, Literal
 
 import numpy as np
 
@@ -13,25 +13,24 @@ from duralab_proto.v1 import sequencer_pb2
 
 def damage_ratio(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
     """Return the counted damage of each response over the planned damage of the played part; empty if unknown."""
-    if not (status.HasField("damage") and status.HasField("damage_planned_so_far")):
-        return {}
-    counted, planned = (
-        from_array(array, field="damage", shape=(len(status.responses),))
-        for array in (status.damage, status.damage_planned_so_far)
-    )
-    pairs = zip(status.responses, counted, planned, strict=True)
-    return {name: float(damage / plan) for name, damage, plan in pairs if plan > 0.0}
+    return _over_planned(status, "damage")
 
 
 def correction_damage_ratio(status: sequencer_pb2.EnduranceStatus) -> Mapping[str, float]:
     """Return the part of corrections of drives in `damage_ratio`; empty if the planned damage is unknown."""
-    if not (status.HasField("correction_damage") and status.HasField("damage_planned_so_far")):
+    return _over_planned(status, "correction_damage")
+
+
+def _over_planned(
+    status: sequencer_pb2.EnduranceStatus, field: Literal["damage", "correction_damage"]
+) -> Mapping[str, float]:
+    if not (status.HasField(field) and status.HasField("damage_planned_so_far")):
         return {}
-    of_corrections, planned = (
+    counted, planned = (
         from_array(array, field="damage", shape=(len(status.responses),))
-        for array in (status.correction_damage, status.damage_planned_so_far)
+        for array in (getattr(status, field), status.damage_planned_so_far)
     )
-    pairs = zip(status.responses, of_corrections, planned, strict=True)
+    pairs = zip(status.responses, counted, planned, strict=True)
     return {name: float(damage / plan) for name, damage, plan in pairs if plan > 0.0}
 
 
