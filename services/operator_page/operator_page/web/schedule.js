@@ -12,6 +12,7 @@ export function BeginEndurance({ broken }) {
   const asked = useRef(0);
   const read = () => attempt(async () => setKnown(await get("/api/schedules")));
   useEffect(() => { read(); }, []);
+  if (!state.rig) return html`<p class="notice">There is no rig in this lab.</p>`;
   if (!isOperator()) return html`<p>No endurance test runs on this rig.</p>`;
   if (!known) return html`<p>Reading the schedules …</p>`;
   // A schedule that cannot be read has no rig; its forecast says why.

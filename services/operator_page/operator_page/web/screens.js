@@ -105,6 +105,7 @@ function Begin() {
   const [known, setKnown] = useState(null);
   const [chosen, setChosen] = useState("");
   useEffect(() => { attempt(async () => setKnown(await get("/api/campaign_files"))); }, []);
+  if (!state.rig) return html`<p class="notice">There is no rig in this lab.</p>`;
   if (!isOperator()) return html`<p>No campaign runs on this rig.</p>`;
   if (!known) return html`<p>Reading the campaigns …</p>`;
   const [kind, name] = chosen.split(":");

@@ -11,11 +11,18 @@ import numpy as np
 import pytest
 import yaml
 from page_in_browser import IN_A_BROWSER, Page
-from page_lab import RIG, Client, PageLab, campaign, schedule
+from page_lab import RIG, Client, PageLab, PageProcess, campaign, schedule
 from PIL import Image
 from printed_pages import printed_pages
 
 pytestmark = IN_A_BROWSER
+
+
+@pytest.fixture(scope="module")
+def alone(tmp_path_factory):
+    page = PageProcess("", tmp_path_factory.mktemp("alone"), bus={"listen": ["tcp/127.0.0.1:0"]})
+    yield page
+    page.close()
 
 
 def begun(lab, served, name, **changes) -> Client:
@@ -153,6 +160,17 @@ def test_the_screen_is_printed_whole_black_on_white_and_without_buttons(lab, ser
 
 
 # Delays the answer about one schedule.
+@pytest.mark.parametrize("screen", ["rig", "run", "endurance"])
+def test_a_page_that_hears_no_rig_says_so_and_offers_nothing_to_begin(alone, browser, screen):
+    page = Page(browser, alone.address)
+    page.value("sessionStorage.removeItem('rig')")
+    browser.call("Page.reload")
+    page.go(screen)
+    page.wait_for_text("There is no rig in this lab.", ".notice")
+    page.wait("document.querySelector('.live')")
+    assert page.value("document.querySelector('main select, main .go')") is None
+
+
 LATE = """(() => {
   const ask = window.fetch;
   window.fetch = async (path, ...more) => {
