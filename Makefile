@@ -14,7 +14,7 @@ export PYTHON
 
 STUDIES := excitation_against_time figure_3 figure_4 figure_5 'figure_7 figure_8 figure_9' \
 	algorithms_on_random_plants reachable_floor \
-	sensitivity braking_and_non_square input_side_errors stiff_rig detection_of_wear rig_data_sheet rig_drawing rig_wear actuator_tuning aerospace_and_full_vehicle
+	sensitivity braking_and_non_square input_side_errors stiff_rig detection_of_wear iterating_again rig_data_sheet rig_drawing rig_wear actuator_tuning aerospace_and_full_vehicle
 # Every dependency at work: files, settings, the bus, each service's core, and campaigns from file to report.
 LOWEST := libs/settings libs/bus/tests libs/loads services/operator_page/tests/test_accounts.py \
 	$(addprefix duralab/tests/test_,formats.py foreign_files.py report.py command_line.py certificates.py) tests/test_whole_campaign.py

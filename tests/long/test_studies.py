@@ -24,6 +24,7 @@ NAMES = (
     "input_side_errors",
     "stiff_rig",
     "detection_of_wear",
+    "iterating_again",
 )
 
 
