@@ -11,6 +11,12 @@ ROOT = Path(__file__).parent
 LONG_FOLDERS = {"long", "security", "faults", "deploy", "multihost", "endurance"}
 
 
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Leave a folder of long tests unread if none of them is asked for: its imports take longer than many tests."""
+    is_long = collection_path.name in LONG_FOLDERS and collection_path.is_dir()
+    return True if is_long and config.getoption("markexpr") == "not long" else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the long tests by their folder."""
     for item in items:

@@ -14,8 +14,8 @@ import psutil
 import pytest
 import synthetic_campaign
 import yaml
+from ended_processes import alive, wait_until_gone
 from test_campaign_file import changed
-from test_supervisor import alive, wait_until_gone
 from typer.testing import CliRunner
 
 from duralab import Channel, Signals, cli, processes

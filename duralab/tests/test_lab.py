@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 import synthetic_campaign
 import yaml
+from ended_processes import alive
 from test_campaign_file import CONTENT, changed
-from test_supervisor import alive
 
 import duralab
 from duralab.campaign import parse_campaign

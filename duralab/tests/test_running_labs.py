@@ -7,8 +7,8 @@ import sys
 
 import psutil
 import pytest
+from ended_processes import alive
 from test_cli import invoke
-from test_supervisor import alive
 
 import duralab
 from duralab.errors import InputError, LabError

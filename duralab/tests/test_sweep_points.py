@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import re
-from pathlib import Path
-
 import pytest
 import yaml
 
 from duralab.errors import InputError
-from duralab.sweeps import load_sweep, shipped_sweeps
+from duralab.sweeps import load_sweep
 from duralab.sweeps.points import PointMaker, grid, grid_size
 from duralab.sweeps.specimens import Specimens, change, look_up
 from duralab_settings import dump_yaml, parse_yaml
@@ -167,22 +164,3 @@ def test_a_dotted_key_finds_sections_and_entries_of_lists():
     assert look_up(document, "list.1.value", what="it") == 3
     with pytest.raises(InputError, match="there is b, c"):
         look_up(document, "a.e", what="it")
-
-
-def test_the_shipped_sweeps_have_points_that_are_allowed():
-    for name in shipped_sweeps():
-        plan = load_sweep(name)
-        assert len(points(plan)) == grid_size(plan)
-    assert grid_size(load_sweep("fifty_gains_and_seeds")) == 50
-    assert grid_size(load_sweep("thousand_tolerances")) == 1000
-
-
-def test_the_sweeps_of_the_guide_are_allowed(tmp_path):
-    text = (Path(__file__).parents[2] / "docs" / "guides" / "sweeps.md").read_text(encoding="utf-8")
-    found = re.findall(r"```yaml part-of=sweep\n(.*?)```", text, flags=re.DOTALL)
-    assert len(found) == 2
-    for content in found:
-        (tmp_path / "sweep.yaml").write_text(content)
-        plan = load_sweep(tmp_path / "sweep.yaml")
-        maker = PointMaker(plan)
-        assert len({maker.make(settings).id for settings in grid(plan)}) == grid_size(plan)

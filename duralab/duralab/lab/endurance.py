@@ -206,7 +206,7 @@ def start_endurance(
         if event.measured is not None:
             message.planned_damage.CopyFrom(to_array(_damage(event.measured, rig, exponent, event=name)))
     ask.query(ask.bus.keys.endurance_start(rig.name), spec, sequencer_pb2.EnduranceStatus)
-    return EnduranceTest(ask, id, rig.name)
+    return EnduranceTest(ask, id, rig.name, notes=expected.notes)
 
 
 def _damage(planned: Signals, rig: Rig, exponent: float, *, event: str) -> np.ndarray:
@@ -232,12 +232,15 @@ def _damage(planned: Signals, rig: Rig, exponent: float, *, event: str) -> np.nd
 class EnduranceTest:
     """Endurance test of a lab; made by `Lab.endure` and `Lab.endurance`.
 
-    `id`: Name of the test. `rig`: Rig that plays it; read from the recording if not given.
+    `id`: Name of the test. `rig`: Rig that plays it; read from the recording if not given. `notes`: Notes of the
+    schedule's forecast; empty for a test that was started elsewhere.
     """
 
-    def __init__(self, ask: LabClient, id: str, rig: str = "") -> None:
+    def __init__(self, ask: LabClient, id: str, rig: str = "", *, notes: tuple[str, ...] = ()) -> None:
         self._ask = ask
         self.id = id
+        self.notes = notes
+        """What the forecast of the schedule says, e.g. of events in which nothing can be detected."""
         self._rig = rig
 
     def progress(self) -> EnduranceProgress:

@@ -13,8 +13,8 @@ from pathlib import Path
 
 import psutil
 import pytest
+from ended_processes import wait_until_gone
 from test_cli import COMMAND, finish, quick, services_of
-from test_supervisor import wait_until_gone
 
 from duralab.errors import PROCESS_LIMIT
 from duralab.processes.supervisor import last_lines

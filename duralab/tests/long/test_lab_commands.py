@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import synthetic_campaign
 import yaml
+from ended_processes import wait_until_gone
 from fake_lab import response_to
 from test_cli import finish, invoke, start_up
-from test_supervisor import wait_until_gone
 
 from duralab import Channel, Signals
 from duralab.formats import read_frequency_response, read_signals, write_signals

@@ -43,6 +43,7 @@ def start(
     output = Output(as_json)
     with connect(endpoint_of_lab(endpoint)) as lab:
         test = lab.endure(schedule, id=id, seed=seed, real_time=real_time)
+        output.say(*test.notes)
         _show(test.progress(), output)
 
 

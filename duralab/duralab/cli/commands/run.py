@@ -56,7 +56,7 @@ def run(
     as_json: Json = False,
 ) -> None:
     """Run a campaign or a project to its end, in a private lab or in a running one (--connect)."""
-    from duralab.campaign import is_project, load_campaign
+    from duralab.campaign import is_project, load_campaign, missing_target
     from duralab.cli.commands.view import open_page, open_viewer
     from duralab.lab import DEFAULT_RIGS
     from duralab.output_files import OUTPUTS, require_outputs
@@ -76,6 +76,9 @@ def run(
         return
     plan = load_campaign(campaign)
     output.say(*plan.remarks)
+    place = "the folder of the campaign file" if Path(campaign).is_file() else "the current folder"
+    if absent := missing_target(plan, place=place):
+        raise InputError(f"Campaign {plan.name!r} cannot begin. {absent} Put it there, or correct its path.")
     if real_time:
         plan = plan.model_copy(update={"real_time": True})
     folder = out or Path("out") / plan.name

@@ -7,28 +7,13 @@ from pathlib import Path
 
 import psutil
 import pytest
+from ended_processes import alive, wait_until_gone
 
 import duralab.processes.supervisor as supervisor_module
 from duralab.errors import LabError, ServiceEndedError
 from duralab.processes import ServicePlan, Supervisor
 from duralab.processes.supervisor import describe_exit, last_lines
 from duralab_bus import open_bus
-
-
-def alive(pid):
-    try:
-        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except FileNotFoundError:
-        return False
-    # A process that ended and was not asked for its exit code yet is gone too.
-    return state != "Z"
-
-
-def wait_until_gone(pids, *, seconds=60.0):
-    deadline = time.monotonic() + seconds
-    while any(alive(pid) for pid in pids) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    return [pid for pid in pids if alive(pid)]
 
 
 @pytest.fixture
