@@ -49,7 +49,8 @@ CORES = {
         "libs/recordings/duralab_recordings",
         (
             "libs/recordings/tests",
-            *(f"duralab/tests/test_{name}.py" for name in ("damaged_recordings", "signal_windows", "recording_parts")),
+            "duralab/tests/long/test_damaged_recordings.py",
+            *(f"duralab/tests/test_{name}.py" for name in ("signal_windows", "recording_parts")),
         ),
     ),
     "duralab_settings": Core("duralab_settings", "libs/settings/duralab_settings", ("libs/settings/tests",)),
@@ -70,11 +71,11 @@ CORES = {
         "duralab.formats",
         "duralab/duralab/formats",
         (
+            "duralab/tests/long/test_convert.py",
             "duralab/tests/long/test_formats_fuzz.py",
             *(
                 f"duralab/tests/test_{name}.py"
                 for name in (
-                    "convert",
                     "foreign_files",
                     "formats",
                     "formats_guide",

@@ -15,7 +15,7 @@ from iterator.pre_test.pulses import pulse_train
 from ..fake_lab import Identifier, Lab, Recorder
 from ..linear_rig import specification
 from ..rig_process import known_rig
-from ..test_service_on_the_bus import NOISE, RIG_PROCESS, process
+from .test_service_on_the_bus import NOISE, RIG_PROCESS, process
 
 LAB = "pre_test_test"
 # Seconds of a playback.

@@ -14,9 +14,9 @@ from duralab_proto.arrays import from_array
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from iterator.campaign import seeds
 
-from .fake_lab import FINAL, Identifier, Lab, Recorder
-from .linear_rig import specification
-from .rig_process import known_rig
+from ..fake_lab import FINAL, Identifier, Lab, Recorder
+from ..linear_rig import specification
+from ..rig_process import known_rig
 
 LAB = "iterator_test"
 RIGS = {"front": 0.0, "worn": 0.0, "slow": 2.5, "endless": 5.0}
@@ -24,7 +24,7 @@ RIGS = {"front": 0.0, "worn": 0.0, "slow": 2.5, "endless": 5.0}
 NOISE = 1e-3
 #: Specification, description, target, then run, model and its end.
 STEPS_BEFORE_PLAYBACKS = 6
-RIG_PROCESS = Path(__file__).with_name("rig_process.py")
+RIG_PROCESS = Path(__file__).parents[1] / "rig_process.py"
 
 
 @contextmanager
