@@ -12,7 +12,7 @@ import numpy as np
 from low_level_campaigns import LARGEST_OVERRUN, limits_of, predecessor_target
 from matplotlib.axes import Axes
 from numpy.typing import NDArray
-from stiff_rig import BAND, LEVEL, SAMPLE_RATE, SECANT, Identified, identify_mapped, rig
+from stiff_rig import BAND, LEVEL, SAMPLE_RATE, SECANT, Identified, identify_mapped
 from study_page import Findings, label, markdown_table, percent, plain_numbers, plt, run
 
 from duralab_settings import LimitPolicy, StopCriteria
@@ -142,7 +142,7 @@ def campaign(
             limit_policy=LimitPolicy.PROJECT,
             largest_overrun=LARGEST_OVERRUN,
         ),
-        limits=limits_of(rig(NAME)),
+        limits=limits_of(RIG),
         drive_map=found.learned.drive_map,
         known=known,
     )

@@ -19,19 +19,6 @@ RIG = "front_axle_wearing"
 ALLOWED, SO_FAR = 1.1, 1.8
 
 
-def playing_on(rig, condition, *, seed):
-    """Return a function that plays a drive on a specimen; each playback has its own noise."""
-    seeds = iter(range(seed, seed + 100))
-
-    def play(drive):
-        playback = rig.playback(drive, seed=next(seeds), condition=condition)
-        for _ in playback.blocks():
-            pass
-        return playback.response
-
-    return play
-
-
 def error(step):
     return float(step.metrics.overall_relative_rms_error)
 
@@ -42,6 +29,7 @@ def new_specimen():
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(str(STUDIES))
         stiff, low = importlib.import_module("stiff_rig"), importlib.import_module("low_level_campaigns")
+        playing = importlib.import_module("iterating_again").playing
     target = low.predecessor_target(10.0, potholes=1, depth_m=(0.02, 0.04), band=stiff.BAND)
     identified = stiff.identify_mapped(
         RIG, 1.0 / np.std(target, axis=1), level=stiff.LEVEL, seconds=75.0, seed=1
@@ -59,8 +47,8 @@ def new_specimen():
         learned = {"model": identified.model, "drive_map": identified.drive_map}
         return list(iterate(play, target, settings=settings, limits=limits, **learned, **known))
 
-    steps = campaign(playing_on(rig, rig.changed(), seed=2000), stiff.SECANT, 8)
-    return rig, campaign, stiff.SECANT, min(steps, key=error)
+    steps = campaign(playing(rig.changed(), seed=2000), stiff.SECANT, 8)
+    return rig, playing, campaign, stiff.SECANT, min(steps, key=error)
 
 
 @pytest.mark.parametrize(
@@ -73,8 +61,8 @@ def new_specimen():
     ],
 )
 def test_three_playbacks_reduce_the_error_of_a_worn_specimen(new_specimen, part, lost, share):
-    rig, campaign, update, best = new_specimen
-    play = playing_on(rig, rig.changed({part: Lost(**lost)}), seed=3000)
+    rig, playing, campaign, update, best = new_specimen
+    play = playing(rig.changed({part: Lost(**lost)}), seed=3000)
     # The repeat in which it was noticed is the first playback of the new campaign; three are played.
     noticed = play(best.drive)
     known = KnownBefore(first_drive=FirstDrive(best.drive, noticed, of_this_target=True))

@@ -25,12 +25,12 @@ def missing_target(campaign: Campaign, *, place: str) -> str:
     Returns
     -------
     str
-        One or two sentences; empty if the file exists, or the target needs none.
+        One sentence; empty if the file exists, or the target needs none.
     """
     target = campaign.target
     path = target.file if target.opencrg is None else target.opencrg.path
     if path is None or (campaign.folder / path).exists():
         return ""
     kind = "target file" if target.opencrg is None else "road"
-    source = f" It is {_SOURCES[path.name]}." if path.name in _SOURCES else ""
-    return f"Its {kind} {path} is missing{'' if path.is_absolute() else f' in {place}'}.{source}"
+    source = f"; it is {_SOURCES[path.name]}" if path.name in _SOURCES else ""
+    return f"Its {kind} {path} is missing{'' if path.is_absolute() else f' in {place}'}{source}."

@@ -39,7 +39,7 @@ def test_it_is_the_shipped_campaign_under_its_own_name(template, tmp_path):
 def test_a_road_that_does_not_ship_is_named_with_its_source_until_it_is_there(tmp_path):
     code, stdout, _ = invoke("init", tmp_path / "mine.yaml", "--from", "belgian_block")
     assert code == 0
-    assert "Its road belgian_block.crg is missing in the folder of the campaign file." in stdout
+    assert "Its road belgian_block.crg is missing in the folder of the campaign file; it is" in stdout
     assert "ASAM OpenCRG" in stdout
     (tmp_path / "belgian_block.crg").touch()
     assert "missing" not in invoke("init", tmp_path / "mine.yaml", "--from", "belgian_block", "--replace")[1]

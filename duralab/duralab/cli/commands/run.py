@@ -78,7 +78,8 @@ def run(
     output.say(*plan.remarks)
     place = "the folder of the campaign file" if Path(campaign).is_file() else "the current folder"
     if absent := missing_target(plan, place=place):
-        raise InputError(f"Campaign {plan.name!r} cannot begin. {absent} Put it there, or correct its path.")
+        reason = f"{absent[0].lower()}{absent[1:-1]}"
+        raise InputError(f"Campaign {plan.name!r} cannot begin: {reason}; put it there, or correct its path.")
     if real_time:
         plan = plan.model_copy(update={"real_time": True})
     folder = out or Path("out") / plan.name

@@ -110,7 +110,7 @@ def test_a_campaign_without_its_road_is_listed_with_the_reason_and_begins_nothin
     missing = client.get("/api/campaign_files")[1]["unavailable"]
     assert list(missing) == ["shipped:belgian_block"]
     assert missing["shipped:belgian_block"].startswith(
-        "Its road belgian_block.crg is missing in the folder in which this page was started. It is crg-bin/"
+        "Its road belgian_block.crg is missing in the folder in which this page was started; it is crg-bin/"
     )
     status, answer = client.act("/api/campaigns", {"kind": "shipped", "name": "belgian_block"})
     assert (status, answer["field"]) == (400, "name")
