@@ -30,6 +30,7 @@ from duralab_bus.session import (
 )
 from duralab_bus.spool import SPOOL_BYTES, SpoolFolder, SpoolSpace
 from duralab_bus.streams import ReplayClient, ReplayServer, StreamItem, StreamPublisher, Subscription
+from duralab_bus.threads import close_at_exit, closed
 from duralab_proto.access import Operation
 from duralab_proto.keys import ANY, MAIN_INSTANCE, Keys
 from duralab_proto.v1 import health_pb2, query_pb2
@@ -96,6 +97,7 @@ class Bus:
         self._health = HealthService(self.metrics)
         self._closing = threading.Lock()
         self._closed = False
+        close_at_exit(self)
 
     def _follow_streams(self) -> Counter:
         """Register the metrics of the streams; return the counter of published messages, by type."""
@@ -310,6 +312,7 @@ class Bus:
             if self._closed:
                 return
             self._closed = True
+        closed(self)
         self.stop_serving()
         for subscription in list(self._subscriptions):
             subscription.close()

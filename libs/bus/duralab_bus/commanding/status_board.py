@@ -9,6 +9,8 @@ from typing import Final, Generic, TypeVar
 
 from google.protobuf.message import Message
 
+from duralab_bus.threads import BusThread
+
 StatusT = TypeVar("StatusT", bound=Message)
 
 _REPEAT_SECONDS: Final = 0.5
@@ -65,7 +67,7 @@ class StatusBoard(Generic[StatusT]):
 
     def start_publishing(self, name: str) -> None:
         """Publish the status at changes and every half second, on a thread of this name, until the final one."""
-        threading.Thread(target=self._publishing, name=name, daemon=True).start()
+        BusThread(self._publishing, name=name).start()
 
     def change(self, change: Callable[[StatusT], object]) -> None:
         """Show a changed status: `change` gets a copy. After the final status it has no effect."""

@@ -19,6 +19,7 @@ from duralab_bus.faults import FaultError
 from duralab_bus.metrics import NO_LABELS, Labels, Metrics
 from duralab_bus.queries.call import Handler, QueryJob, RefusalLog
 from duralab_bus.session import DEBOUNCE_SECONDS, BusSession, Declaration, Inbox
+from duralab_bus.threads import BusThread
 from duralab_proto.keys import ANY, Keys
 from duralab_proto.v1 import query_pb2
 
@@ -76,7 +77,7 @@ class WorkerPool(Generic[JobT]):
                 self._started += 1
                 # Counted now, not when the thread starts: on a busy machine that takes time.
                 self._idle += 1
-                threading.Thread(target=self._run, name=f"{self._name}-{self._started}", daemon=True).start()
+                BusThread(self._run, name=f"{self._name}-{self._started}").start()
             self._changed.notify()
         return True
 
@@ -223,7 +224,7 @@ class QueryServer:
                     history=True,
                 )
             )
-            threading.Thread(target=self._tick, name="duralab_bus-keep-alive", daemon=True).start()
+            BusThread(self._tick, name="duralab_bus-keep-alive").start()
         # Separate workers for each key: a client that floods one key does not block the others.
         pool: WorkerPool[QueryJob[Any]] = WorkerPool(
             workers or self._workers,
@@ -243,12 +244,7 @@ class QueryServer:
                 complete=True,
             )
         )
-        threading.Thread(
-            target=self._take_all,
-            args=(route, inbox),
-            name=f"duralab_bus-take-{request_type.DESCRIPTOR.name}",
-            daemon=True,
-        ).start()
+        BusThread(self._take_all, route, inbox, name=f"duralab_bus-take-{request_type.DESCRIPTOR.name}").start()
         served = Served(self, route, inbox)
         with self._changed:
             self._served.add(served)
@@ -386,7 +382,7 @@ class QueryServer:
         while True:
             with self._changed:
                 self._changed.wait_for(lambda: self._jobs or self._closed)
-                if self._closed and not self._jobs:
+                if self._is_done():
                     return
                 now = time.monotonic()
                 for asker in [asker for asker, until in self._departures.items() if until <= now]:
@@ -406,4 +402,8 @@ class QueryServer:
                             f"All {pool.workers} workers of the {self._service} for it are taken; ask again later.",
                         )
                     )
-            time.sleep(_TICK_SECONDS)
+            with self._changed:
+                self._changed.wait_for(self._is_done, _TICK_SECONDS)
+
+    def _is_done(self) -> bool:
+        return self._closed and not self._jobs

@@ -12,6 +12,7 @@ from typing import Final
 import zenoh
 
 from duralab_bus.session.rejoining import BusSession
+from duralab_bus.threads import BusThread
 from duralab_proto.keys import ANY, Keys, parse_live
 
 DEBOUNCE_SECONDS: Final = 0.3
@@ -33,8 +34,7 @@ class LivelinessTracker:
         self._moved: dict[Instance, float] = {}
         self._listeners: list[LiveCallback] = []
         self._events: SimpleQueue[zenoh.Sample | None] = SimpleQueue()
-        self._thread = threading.Thread(target=self._run, name="duralab_bus-liveliness", daemon=True)
-        self._thread.start()
+        BusThread(self._run, name="duralab_bus-liveliness").start()
         # A session that replaces this one reports all present members again.
         self._subscriber = session.declare(
             lambda joined: joined.liveliness().declare_subscriber(

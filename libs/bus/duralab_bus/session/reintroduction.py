@@ -16,6 +16,7 @@ from duralab_bus.faults import BusError
 from duralab_bus.session.config import BusConfig, BusMode
 from duralab_bus.session.liveliness import DEBOUNCE_SECONDS, LivelinessTracker
 from duralab_bus.session.session import LEASE_SECONDS, open_session
+from duralab_bus.threads import BusThread
 
 _LOOK_SECONDS: Final = 0.5
 # By then both ends of a link have noticed that it is broken.
@@ -44,7 +45,7 @@ class Reintroduction:
         self._thread: threading.Thread | None = None
         # A client has one link, from its configuration; a peer without `connect` is connected to by the others.
         if config.mode is BusMode.PEER and config.connect:
-            self._thread = threading.Thread(target=self._run, name="duralab_bus-reintroduction", daemon=True)
+            self._thread = BusThread(self._run, name="duralab_bus-reintroduction")
             self._thread.start()
             tracker.subscribe(self._on_live)
 

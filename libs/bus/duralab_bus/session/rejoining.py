@@ -21,6 +21,7 @@ import zenoh
 from duralab_bus.faults import BusError, FaultError
 from duralab_bus.session.config import BusConfig, BusMode
 from duralab_bus.session.session import open_session
+from duralab_bus.threads import BusThread
 from duralab_proto.v1 import query_pb2
 
 # Zenoh itself tries again at once and after 50 ms (`session.py`): a running router has the link back by then.
@@ -120,7 +121,7 @@ class BusSession:
         self._log = structlog.get_logger("duralab_bus")
         if config.mode is BusMode.CLIENT:
             self._listener = self._listen()
-            threading.Thread(target=self._run, name="duralab_bus-rejoining", daemon=True).start()
+            BusThread(self._run, name="duralab_bus-rejoining").start()
 
     @property
     def closed(self) -> bool:
@@ -182,7 +183,7 @@ class BusSession:
 
     def _close_current(self) -> None:
         # Closing waits for Zenoh's own threads; a stuck link must not block the others.
-        closing = threading.Thread(target=self.current.close, name="duralab_bus-close", daemon=True)
+        closing = BusThread(self.current.close, name="duralab_bus-close")
         closing.start()
         closing.join(_CLOSE_SECONDS)
 

@@ -15,6 +15,7 @@ from duralab_bus.faults import BusError, FaultError
 from duralab_bus.streams.item import Received, RefusedItem, StreamItem
 from duralab_bus.streams.order import StreamOrder, StreamProof
 from duralab_bus.streams.replay import MOST_REPLAYED, Head, ReplayClient
+from duralab_bus.threads import BusThread
 
 FOLLOWED_STREAMS: Final = 256
 """Number of epochs that are remembered: every playback has one, and a lab runs for months."""
@@ -85,8 +86,7 @@ class StreamRepair(Generic[MessageT]):
         self._marks = False
         self._closed = False
         self._log = structlog.get_logger("duralab_bus").bind(key=key_expression)
-        self._thread = threading.Thread(target=self._run, name="duralab_bus-repair", daemon=True)
-        self._thread.start()
+        BusThread(self._run, name="duralab_bus-repair").start()
 
     def take(self, items: Sequence[Received[MessageT]], *, replayed: bool) -> list[Received[MessageT]]:
         """Accept messages that arrived or were replayed; return those to deliver, or to report as refused, now."""

@@ -25,6 +25,7 @@ from duralab_bus.faults import BusError, FaultError
 from duralab_bus.session import BusSession, Declaration
 from duralab_bus.spool import Spool
 from duralab_bus.streams.item import POSITION, Received, StreamItem, read_item
+from duralab_bus.threads import BusThread
 from duralab_proto.keys import stream_family
 from duralab_proto.v1 import query_pb2, stream_pb2
 
@@ -51,7 +52,7 @@ class DelayedExecutor:
             heapq.heappush(self._jobs, (time.monotonic() + seconds, next(self._numbers), job))
             if self._thread is None:
                 # A daemon: a stuck job must not keep the process from ending.
-                self._thread = threading.Thread(target=self._run, name=self._name, daemon=True)
+                self._thread = BusThread(self._run, name=self._name)
                 self._thread.start()
             self._changed.notify()
 

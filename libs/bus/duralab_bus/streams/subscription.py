@@ -18,6 +18,7 @@ from duralab_bus.streams.item import Received, RefusedItem, StreamItem, read_ite
 from duralab_bus.streams.order import StreamProof
 from duralab_bus.streams.repair import StreamRepair
 from duralab_bus.streams.replay import ReplayClient
+from duralab_bus.threads import BusThread
 
 MOST_WAITING: Final = 8192
 """Number of messages that wait for the callback, in Zenoh's own memory: its threads never wait for Python's lock.
@@ -65,9 +66,7 @@ class Subscription(Generic[MessageT]):
             lambda joined: joined.declare_subscriber(key_expression, zenoh.handlers.RingChannel(MOST_WAITING))
         )
         # A daemon: a stuck callback must not keep the process from ending.
-        self._thread = threading.Thread(
-            target=self._run, name=f"duralab_bus-{message_type.DESCRIPTOR.name}", daemon=True
-        )
+        self._thread = BusThread(self._run, name=f"duralab_bus-{message_type.DESCRIPTOR.name}")
         self._thread.start()
 
     def mark(self, positions: Iterable[tuple[str, int, int]]) -> None:
