@@ -59,6 +59,35 @@ def test_iterating_again_gives_the_event_another_drive_and_the_test_goes_on(shor
 
 
 @pytest.mark.timeout(600)
+def test_a_correction_beyond_an_abort_limit_is_stopped_and_the_rig_latched(short_document, tmp_path: Path):
+    campaign, schedule = tmp_path / "made.yaml", tmp_path / "schedule.yaml"
+    campaign.write_text(yaml.safe_dump(short_document | {"name": "made"}))
+    recordings = tmp_path / "recordings"
+    with duralab.start(tmp_path / "out", rigs=(RIG, "predecessor"), recordings=recordings, endurance=True) as lab:
+        lab.run(campaign)
+        # Every response is beyond such a limit, so a correction passes one as soon as any response grows.
+        limits = {channel.name: {"rms": {"abort": [0.0, 1.0e-9]}} for channel in lab.describe(RIG).responses}
+        monitoring = SCHEDULE["monitoring"] | {"limits": limits}
+        actions = {"playbacks": 5, "abort": "log"}
+        schedule.write_text(yaml.safe_dump(SCHEDULE | {"monitoring": monitoring, "actions": actions}))
+        test = lab.endure(schedule)
+        test.hold(reason="a bushing was changed")
+        held = test.wait(until_hold=True, timeout_seconds=120.0)
+        test.decide("iterate_again", hold=held.hold, name="Ada", reason="after the change")
+        while (after := test.wait(until_hold=True, timeout_seconds=120.0)).hold == held.hold:
+            time.sleep(0.1)
+        assert after.phase is duralab.EndurancePhase.HOLDING
+        assert "passed an abort limit of the schedule" in after.reason
+        assert "the drive stays" in after.reason, after.reason
+        assert after.played == held.played
+        assert lab.state(RIG).mode is duralab.RigMode.INTERLOCKED
+        test.stop()
+    again = duralab.open_recording(recordings / "again-road-1.mcap")
+    assert not list(duralab.open_recording(recordings / "again.mcap").messages(sequencer_pb2.EnduranceDrive))
+    assert len(list(again.messages(iterator_pb2.IterationStep))) >= 2
+
+
+@pytest.mark.timeout(600)
 def test_a_sequencer_that_is_killed_in_a_correction_counts_its_playbacks_once(short_document, tmp_path: Path):
     campaign, schedule = tmp_path / "made.yaml", tmp_path / "schedule.yaml"
     campaign.write_text(yaml.safe_dump(short_document | {"name": "made"}))

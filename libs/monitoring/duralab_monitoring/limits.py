@@ -54,8 +54,7 @@ class StatisticLimits:
 
     def judge(self, event: int, table: NDArray[np.float64], *, learnt: bool, repeat: int, name: str) -> list[Alarm]:
         """Raise each limit that a repeat passes, once for a level; `name`: Name of the event."""
-        below, above = table < self._bounds[:, 0], table > self._bounds[:, 1]
-        absolute = np.max((below | above) * np.array([1, 2])[:, None, None], axis=0)
+        absolute = self._absolute(table)
         share, relative = np.zeros(table.shape), np.zeros(table.shape, dtype=np.int64)
         if learnt:
             share, beyond_noise = self._deviation(event, table)
@@ -67,11 +66,9 @@ class StatisticLimits:
             raised = AlarmLevel(int(level[channel, column]))
             value, change = float(table[channel, column]), float(share[channel, column])
             by_value = absolute[channel, column] == raised
+            said = f"is away from its baseline by {100.0 * change:+.3g} %"
             if by_value:
-                low, high = self._bounds[raised - 1, :, channel, column]
-                said = f"is outside its {raised.name.lower()} limits of {low:g} to {high:g}"
-            else:
-                said = f"is away from its baseline by {100.0 * change:+.3g} %"
+                said = self._outside(raised, channel, column)
             statistic = COLUMNS[column]
             alarms.append(
                 Alarm(
@@ -90,6 +87,27 @@ class StatisticLimits:
             )
         self.latched[event] = np.maximum(self.latched[event], level)
         return alarms
+
+    def passed_abort(self, table: NDArray[np.float64], present: NDArray[np.float64]) -> str:
+        """Return the first absolute abort limit that a table passes farther than another, as a clause; empty if none.
+
+        Both have the shape (channels, columns).
+        """
+        low, high = self._bounds[AlarmLevel.ABORT - 1]
+        beyond, before = (np.maximum(np.maximum(low - each, each - high), 0.0) for each in (table, present))
+        for channel, column in np.argwhere(beyond > before).tolist():
+            what = f"{self._channels[channel]}: {COLUMNS[column].value} of {float(table[channel, column]):.4g}"
+            return f"{what} {self._outside(AlarmLevel.ABORT, channel, column)}"
+        return ""
+
+    def _absolute(self, table: NDArray[np.float64]) -> NDArray[np.int64]:
+        """Return the level of the absolute limits that each statistic passes; 0 for none."""
+        below, above = table < self._bounds[:, 0], table > self._bounds[:, 1]
+        return np.max((below | above) * np.array([1, 2])[:, None, None], axis=0)
+
+    def _outside(self, level: AlarmLevel, channel: int, column: int) -> str:
+        low, high = self._bounds[level - 1, :, channel, column]
+        return f"is outside its {level.name.lower()} limits of {low:g} to {high:g}"
 
     def _amplitudes(self, table: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the statistics with damage as an equivalent amplitude, whose scatter is like that of the others."""

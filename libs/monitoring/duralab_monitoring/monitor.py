@@ -6,18 +6,19 @@ import io
 import json
 import zipfile
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from duralab_loads import channel_damage
-from duralab_monitoring.alarms import Alarm, AlarmKind, RepeatVerdict
+from duralab_monitoring.alarms import Alarm, AlarmKind, AlarmLevel, RepeatVerdict
 from duralab_monitoring.changes import ChangeWatch
 from duralab_monitoring.limits import StatisticLimits
 from duralab_monitoring.repeat_statistics import RepeatStatistics, statistics_table
-from duralab_monitoring.residual import BandLines, Reference
-from duralab_monitoring.settings import MonitoringSettings
+from duralab_monitoring.residual import BandLines, Measure, Reference
+from duralab_monitoring.settings import MonitoringSettings, Statistic
 from duralab_spectra import as_record, require_sample_rate
 
 _FORMAT: Final = 1
@@ -70,6 +71,7 @@ class Monitor:
         self._reference_repeats = -(-settings.baseline_repeats // 2)
         self._references: dict[int, Reference] = {}
         self._repeats = np.zeros(len(events), dtype=np.int64)
+        self._standing: list[Alarm] = []
 
     def judge(self, repeat: int, event: str, *, response: ArrayLike, command: ArrayLike | None = None) -> RepeatVerdict:
         """Judge one repeat; repeats come in the order in which they were played, each once.
@@ -126,10 +128,52 @@ class Monitor:
         ValueError
             If the response has another shape or a value that is not finite.
         """
-        record = as_record(response, name="response")
-        if record.shape[0] != len(self._channels):
-            raise ValueError(f"The response has {record.shape[0]} channels; the rig has {len(self._channels)}.")
-        return channel_damage(record, exponents=(float(self._settings.damage_exponent),))[:, 0]
+        return channel_damage(self._responses(response), exponents=(float(self._settings.damage_exponent),))[:, 0]
+
+    def passed_abort_limit(self, response: ArrayLike, *, present: ArrayLike) -> str:
+        """Return the absolute abort limit that the response to a new drive passes; the state stays the same.
+
+        Parameters
+        ----------
+        response : array_like, shape (channels, samples)
+            Whole response to the new drive, whose playback is not a repeat.
+        present : array_like, shape (channels, samples)
+            Whole response to the present drive: a limit that it passes counts only if the new one is farther outside.
+
+        Returns
+        -------
+        str
+            Channel, statistic, value and limits of the first one, without a full stop; empty if it passes none.
+
+        Raises
+        ------
+        ValueError
+            If a response has another shape or a value that is not finite.
+        """
+        exponent = float(self._settings.damage_exponent)
+        table, before = (statistics_table(self._responses(each), exponent) for each in (response, present))
+        return self._limits.passed_abort(table, before)
+
+    def standing(self, event: str) -> tuple[Alarm, ...]:
+        """Return the alarms that a relearning of an event's baseline would clear, first raised first.
+
+        Parameters
+        ----------
+        event : str
+            Name of the event.
+
+        Returns
+        -------
+        tuple of Alarm
+            Limits of this event, and changes found in any event: the specimen changed for all of them.
+
+        Raises
+        ------
+        ValueError
+            If the event is unknown.
+        """
+        self._number(event)
+        return tuple(alarm for alarm in self._standing if _is_cleared(alarm, event))
 
     def replay(self, repeat: int, event: str, statistics: RepeatStatistics, *, baseline: bytes = b"") -> RepeatVerdict:
         """Judge a repeat again from its stored statistics, without its response; restores the same state.
@@ -169,6 +213,7 @@ class Monitor:
             alarms += self._changes.judge(repeat, event, statistics.measures)
         elif not changed:
             self._changes.learn(event, statistics.measures)
+        self._standing += alarms
         self._repeats[number] += 1
         if learning:
             self._limits.learn(number, statistics.table, repeats=played + 1)
@@ -197,6 +242,7 @@ class Monitor:
             self._repeats[number] = 0
             self._limits.forget(number)
             self._changes.forget(self._events[number])
+            self._standing = [alarm for alarm in self._standing if not _is_cleared(alarm, self._events[number])]
 
     def baseline(self, event: str) -> bytes:
         """Return the mean response of an event for storage; it changes when a verdict has `baseline_changed`.
@@ -232,7 +278,8 @@ class Monitor:
         """
         arrays = {f"{name}_{key}": getattr(part, key) for name, part, keys in self._parts() for key in keys}
         scored = np.array(self._changes.detector.scored)
-        return _packed(of=np.array(self._identity()), repeats=self._repeats, scored=scored, **arrays)
+        standing = np.array(json.dumps([asdict(alarm) for alarm in self._standing]))
+        return _packed(of=np.array(self._identity()), repeats=self._repeats, scored=scored, standing=standing, **arrays)
 
     @classmethod
     def restored(
@@ -278,6 +325,8 @@ class Monitor:
                 setattr(part, key, arrays[f"{name}_{key}"])
         monitor._repeats = arrays["repeats"]
         monitor._changes.detector.scored = int(arrays["scored"])
+        # A state of an earlier version has no alarms.
+        monitor._standing = [_alarm(stored) for stored in json.loads(str(arrays.get("standing", "[]")))]
         for number, event in enumerate(events):
             if wanted := min(int(monitor._repeats[number]), monitor._reference_repeats):
                 monitor._references[number] = monitor._reference(event, baselines.get(event, b""), repeats=wanted)
@@ -311,13 +360,17 @@ class Monitor:
             raise ValueError(f"The event {event!r} is not in the schedule; it has {', '.join(self._events)}.")
         return self._events.index(event)
 
+    def _responses(self, response: ArrayLike) -> NDArray[np.float64]:
+        record = as_record(response, name="response")
+        if record.shape[0] != len(self._channels):
+            raise ValueError(f"The response has {record.shape[0]} channels; the rig has {len(self._channels)}.")
+        return record
+
     def _record(
         self, number: int, response: ArrayLike, command: ArrayLike | None
     ) -> tuple[NDArray[np.float64], Reference]:
         """Return responses and commands in one record, and its reference."""
-        record = as_record(response, name="response")
-        if record.shape[0] != len(self._channels):
-            raise ValueError(f"The response has {record.shape[0]} channels; the rig has {len(self._channels)}.")
+        record = self._responses(response)
         if command is not None:
             commanded = as_record(command, name="command")
             if commanded.shape[1] != record.shape[1]:
@@ -338,6 +391,22 @@ class Monitor:
                 "again."
             )
         return record, known
+
+
+def _is_cleared(alarm: Alarm, event: str) -> bool:
+    """Whether a relearning of an event clears an alarm."""
+    return alarm.kind is not AlarmKind.LIMIT or alarm.event == event
+
+
+def _alarm(stored: dict[str, Any]) -> Alarm:
+    kind, measure = AlarmKind(stored["kind"]), stored["measure"]
+    typed = {
+        "level": AlarmLevel(stored["level"]),
+        "kind": kind,
+        "measure": Statistic(measure) if kind is AlarmKind.LIMIT else Measure(measure),
+        "band": None if stored["band"] is None else tuple(stored["band"]),
+    }
+    return Alarm(**{**stored, **typed})
 
 
 def _rank(alarm: Alarm) -> tuple[int, bool, float]:

@@ -87,3 +87,21 @@ def test_a_channel_that_never_moved_passes_its_limits_when_it_moves():
     for repeat in range(12):
         judged(watch, 0.0 * WAVE, repeat=repeat, noise=0.0)
     assert limits_of(judged(watch, WAVE, repeat=12, noise=0.0))[Statistic.MAX].level is AlarmLevel.ABORT
+
+
+def test_a_new_drive_passes_an_abort_limit_if_it_is_farther_outside_than_the_present_one():
+    given = AbsoluteLimits(warning=(60.0, 150.0), abort=(50.0, 200.0))
+    watch = monitor(limits={"force": {Statistic.MAX: given}})
+    passed = lambda new, present: watch.passed_abort_limit([new * WAVE], present=[present * WAVE])  # noqa: E731
+    before = watch.state()
+    peak = WAVE.max()
+    assert passed(1.4, 1.0) == ""  # beyond the warning only
+    assert passed(2.0, 1.0) == f"force: max of {2.0 * peak:.4g} is outside its abort limits of 50 to 200"
+    assert passed(2.0, 1.9) != ""
+    assert passed(2.0, 2.1) == ""
+    # From below: a worn specimen may be under its limit, and a correction brings it back step by step.
+    assert passed(0.3, 0.2) == ""
+    assert "outside its abort limits" in passed(0.2, 0.3)
+    assert watch.state() == before
+    with pytest.raises(ValueError, match="The response has 2 channels; the rig has 1"):
+        watch.passed_abort_limit([WAVE, WAVE], present=[WAVE])

@@ -245,3 +245,30 @@ def test_a_state_is_restored_only_into_the_same_test_with_its_baseline():
             restored(*wrong)
     with pytest.raises(ValueError, match="other settings, events or channels"):
         restored(state, baseline, false_alarms=2.0)
+
+
+def test_alarms_stand_until_the_baseline_is_learnt_again_also_after_a_crash():
+    events = ("road", "rough")
+    watch = monitor(events, change={"warning": 0.0, "abort": 10.0})
+    played = {0: road(3), 1: road(4)}
+    louder = np.array([[1.0], [1.3], [1.0]])
+    found = judged(watch, lambda repeat: played[repeat % 2] * louder ** (repeat >= 40), 60, events=events)
+    changes = {alarm for alarm in found if alarm.kind is not AlarmKind.LIMIT}
+    limits = {event: {alarm for alarm in found if alarm.event == event} - changes for event in events}
+    assert changes
+    assert all(limits.values())
+    parts = {"channels": CHANNELS, "sample_rate": RATE}
+    settings = MonitoringSettings(change={"warning": 0.0, "abort": 10.0})
+    baselines = {event: watch.baseline(event) for event in events}
+    restored = Monitor.restored(settings, events, state=watch.state(), baselines=baselines, **parts)
+    for each in (watch, restored):
+        for event in events:
+            assert set(each.standing(event)) == limits[event] | changes
+            assert len(each.standing(event)) == len(limits[event] | changes)
+        each.relearn("road")
+        assert each.standing("road") == ()
+        assert set(each.standing("rough")) == limits["rough"]
+        each.relearn()
+        assert each.standing("rough") == ()
+    with pytest.raises(ValueError, match="The event 'gravel' is not in the schedule"):
+        watch.standing("gravel")

@@ -29,6 +29,17 @@ DESCRIPTION = rig_pb2.RigDescription(
     responses=[array_pb2.Channel(name=name, unit="N") for name in RESPONSES],
 )
 
+KINDS = {
+    kind.DESCRIPTOR.name: kind
+    for kind in (
+        *(sequencer_pb2.EnduranceSpec, sequencer_pb2.EnduranceVolume, sequencer_pb2.EnduranceRepeat),
+        *(sequencer_pb2.EnduranceDrive, sequencer_pb2.EnduranceHold, sequencer_pb2.EnduranceDecision),
+        *(sequencer_pb2.CorrectionPlanned, sequencer_pb2.EnduranceCorrection, sequencer_pb2.EnduranceStatus),
+        *(sequencer_pb2.RepeatSamples, rig_pb2.RigDescription),
+        *(recorder_pb2.RunPlanned, recorder_pb2.RunPlayed, recorder_pb2.RecordingClosed),
+    )
+}
+
 
 def campaign(*, weights=None, lowest_frequency=1.0):
     """Return the campaign of an event's drive."""
@@ -129,6 +140,11 @@ class OneRigLab:
         )
         test.start()
         return test, board
+
+
+def messages(lab):
+    """Return what a test recorded."""
+    return [KINDS[kind].FromString(payload) for kind, payload in lab.steps]
 
 
 def wait_for(board, fits, seconds=20.0):

@@ -6,7 +6,7 @@ import pytest
 from duralab_proto.v1 import sequencer_pb2
 from sequencer.endurance import drive_corrections
 
-from .one_rig_lab import DRIVE, OneRigLab, campaign, decide, holding_or_ended, wait_for
+from .one_rig_lab import DRIVE, OneRigLab, campaign, decide, holding_or_ended, messages, wait_for
 
 AGAIN = (
     "actions: {warning: iterate_again, abort: iterate_again}\nmonitoring: {baseline_repeats: 6, bands: [2, 8, 40]}\n"
@@ -77,11 +77,10 @@ def test_an_alarm_that_no_drive_corrects_holds_the_test(corrections, change, mad
     assert board.wait_ended(10.0)
 
 
-def both_from_repeat(first, *, body):
+def both_from_repeat(first, *, body, body_first=None):
     def change(repeat, response):
-        if repeat >= first:
-            response[0] *= 1.5
-            response[1] *= body
+        response[0] *= 1.5 if repeat >= first else 1.0
+        response[1] *= body if repeat >= (body_first or first) else 1.0
         return response
 
     return change
@@ -115,6 +114,40 @@ def test_an_alarm_that_no_drive_corrects_is_not_learned_away_with_one_that_a_dri
     repeats = [sequencer_pb2.EnduranceRepeat.FromString(step) for kind, step in lab.steps if kind == "EnduranceRepeat"]
     assert all(repeat.baseline for repeat in repeats[:3])
     assert not any(repeat.baseline for repeat in repeats[3:])
+
+
+LOGGED_FIRST = both_from_repeat(14, body=1.15, body_first=9)
+LOG_WARNINGS = AGAIN.replace("warning: iterate_again", "warning: log")
+
+
+def test_an_alarm_that_was_only_logged_in_an_earlier_repeat_is_not_learned_away(corrections):
+    lab = OneRigLab(change=LOGGED_FIRST, made_by=campaign(weights=[1.0, 0.0]))
+    test, board = lab.test(repeats=20, more=LOG_WARNINGS)
+    status = wait_for(board, holding_or_ended)
+    assert status.phase == sequencer_pb2.ENDURANCE_PHASE_HOLDING, status
+    assert {alarm.channel for alarm in status.hold.alarms} == {"force"}
+    assert "body is not controlled" in status.hold.reason
+    assert status.hold.next_repeat > 10
+    # A person who decides so accepts that both baselines are learnt again; the alarm stands no longer.
+    decide(test, status, sequencer_pb2.ENDURANCE_DECISION_KIND_ITERATE_AGAIN)
+    assert wait_for(board, holding_or_ended_after(status.hold)).phase == sequencer_pb2.ENDURANCE_PHASE_FINISHED
+    assert corrections == ["weeks-road_0-1"]
+
+
+def test_after_a_crash_an_alarm_that_was_only_logged_is_not_learned_away_either(corrections):
+    lab = OneRigLab(change=LOGGED_FIRST, made_by=campaign(weights=[1.0, 0.0]))
+    lab.interrupt_from = 12
+    test, board = lab.test(repeats=20, more=LOG_WARNINGS)
+    wait_for(board, lambda status: status.played == 12)
+    test.leave()
+    assert board.wait_ended(10.0)
+    lab.interrupt_from = 1_000_000
+    test, board = lab.test(repeats=20, more=LOG_WARNINGS, recorded=messages(lab))
+    status = wait_for(board, holding_or_ended)
+    assert "body is not controlled" in status.hold.reason
+    assert corrections == []
+    test.stop("enough", latch=False)
+    assert board.wait_ended(10.0)
 
 
 def holding_or_ended_after(hold):

@@ -6,24 +6,14 @@ import pytest
 from duralab_bus import FaultError
 from duralab_loads import channel_damage
 from duralab_proto.arrays import from_array, to_record
-from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, rig_pb2, sequencer_pb2
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, sequencer_pb2
 from sequencer.endurance import drive_corrections
 
-from .one_rig_lab import DESCRIPTION, DRIVE, RATE, OneRigLab, campaign, decide, holding_or_ended, wait_for
+from .one_rig_lab import DESCRIPTION, DRIVE, RATE, OneRigLab, campaign, decide, holding_or_ended, messages, wait_for
 
 AGAIN = (
     "actions: {warning: iterate_again, abort: iterate_again}\nmonitoring: {baseline_repeats: 6, bands: [2, 8, 40]}\n"
 )
-KINDS = {
-    kind.DESCRIPTOR.name: kind
-    for kind in (
-        *(sequencer_pb2.EnduranceSpec, sequencer_pb2.EnduranceVolume, sequencer_pb2.EnduranceRepeat),
-        *(sequencer_pb2.EnduranceDrive, sequencer_pb2.EnduranceHold, sequencer_pb2.EnduranceDecision),
-        *(sequencer_pb2.CorrectionPlanned, sequencer_pb2.EnduranceCorrection, sequencer_pb2.EnduranceStatus),
-        *(sequencer_pb2.RepeatSamples, rig_pb2.RigDescription),
-        *(recorder_pb2.RunPlanned, recorder_pb2.RunPlayed, recorder_pb2.RecordingClosed),
-    )
-}
 RESPONSES = [2000.0 * np.vstack([DRIVE, 0.5 * DRIVE]), 1500.0 * np.vstack([DRIVE, 0.7 * DRIVE])]
 DAMAGE = np.sum([channel_damage(response, exponents=(5.0,))[:, 0] for response in RESPONSES], axis=0)
 
@@ -56,10 +46,6 @@ def lab(monkeypatch):
 
     monkeypatch.setattr(drive_corrections, "corrected_drive", correct)
     return lab
-
-
-def messages(lab):
-    return [KINDS[kind].FromString(payload) for kind, payload in lab.steps]
 
 
 def of_repeats(lab):

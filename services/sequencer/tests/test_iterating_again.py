@@ -9,7 +9,7 @@ import pytest
 from duralab_bus import FaultError
 from duralab_proto.arrays import to_array, to_record
 from duralab_proto.keys import Keys
-from duralab_proto.v1 import array_pb2, iterator_pb2, recorder_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_settings import ResolvedUpdate, SecantSettings, UpdateKind
 from duralab_settings.messages import fill_message, from_message
 from sequencer.endurance import iterate_again
@@ -68,19 +68,21 @@ DESCRIPTION = rig_pb2.RigDescription(rig="r", sample_rate=100.0, drives=[CHANNEL
 @pytest.fixture
 def correct(monkeypatch):
     """Return a function that corrects a drive by a campaign with the given end; playback n has n times the drive."""
+    asked = []
     parent = iterator_pb2.CampaignSpec(rig="r", update={"kind": iterator_pb2.UPDATE_KIND_SECANT})
     parent.update.iteration_gain.CopyFrom(to_array(np.ones(1)))
     monkeypatch.setattr(iterate_again, "_specification", lambda *_: parent)
-    steps = [iterator_pb2.IterationStep(iteration=n, drive=to_record([CHANNEL], 100.0, n * DRIVE)) for n in range(1, 4)]
+    played = [to_record([CHANNEL], 100.0, n * DRIVE) for n in range(1, 4)]
+    steps = [iterator_pb2.IterationStep(iteration=n, drive=each, response=each) for n, each in enumerate(played, 1)]
     stored = [(step, recorder_pb2.RecordedStep()) for step in steps]
     monkeypatch.setattr(iterate_again, "_steps", lambda *_, **__: stored)
 
-    def corrected(status, *, response, weights=None):
+    def corrected(status, *, response, weights=None, limit=np.inf):
         if weights is not None:
             parent.target.channels.extend([array_pb2.Channel(name=name, unit="N") for name in "ab"])
             parent.update.weights.CopyFrom(to_array(np.array(weights)))
             parent.update.iteration_gain.CopyFrom(to_array(np.ones(2)))
-        bus = SimpleNamespace(keys=Keys(), query=lambda *_: status)
+        bus = SimpleNamespace(keys=Keys(), query=lambda key, *_: asked.append(key) or status)
         return iterate_again.corrected_drive(
             bus,
             DRIVE,
@@ -90,10 +92,12 @@ def correct(monkeypatch):
             id="again",
             description=DESCRIPTION,
             playbacks=3,
+            passed_limit=lambda new, *, present: "too far" if new.max() > max(limit, present.max()) else "",
             stop=threading.Event(),
             on_activity=lambda _: None,
         )
 
+    corrected.asked = asked
     return corrected
 
 
@@ -148,3 +152,34 @@ def test_a_monitored_response_has_no_part_in_the_choice(correct):
     for metrics in (*ended.iterations, ended.first_drive):
         metrics.overall_relative_rms_error = metrics.channels[0].relative_rms_error
     np.testing.assert_array_equal(correct(ended, response=DRIVE, weights=[3.0, 0.0]), 2.0 * DRIVE)
+
+
+@pytest.mark.parametrize(
+    ("response", "limit", "number"), [(DRIVE, 8.0, 2), (DRIVE, 15.0, 3), (None, 1.0, 2), (2.0 * DRIVE, 1.0, 3)]
+)
+def test_a_playback_beyond_an_abort_limit_of_the_schedule_stops_the_campaign(correct, response, limit, number):
+    running = finished(0.3, 0.2, 0.1, best=3, first=0.4)
+    running.phase = iterator_pb2.CAMPAIGN_PHASE_ITERATING
+    sentence = rf"'again' playback {number} passed an abort limit of the schedule \(too far\); the drive stays"
+    with pytest.raises(FaultError, match=sentence):
+        correct(running, response=response, limit=limit)
+    assert correct.asked[-1].endswith("again/stop")
+
+
+def test_a_recorder_that_is_away_for_a_moment_delays_the_check_of_the_limits(correct, monkeypatch):
+    monkeypatch.setattr(iterate_again, "_POLL_SECONDS", 0.01)
+    recorded, away = iterate_again._steps, [True, True]
+
+    def steps(*names, **how):
+        if away and away.pop():
+            raise FaultError(query_pb2.FAULT_CODE_UNAVAILABLE, "No recorder is on the bus.")
+        return recorded(*names, **how)
+
+    monkeypatch.setattr(iterate_again, "_steps", steps)
+    running = finished(0.3, 0.2, 0.1, best=3, first=0.4)
+    running.phase = iterator_pb2.CAMPAIGN_PHASE_ITERATING
+    with pytest.raises(FaultError, match="playback 2 passed an abort limit"):
+        correct(running, response=DRIVE, limit=8.0)
+    away[:] = [True]
+    with pytest.raises(FaultError, match="No recorder is on the bus"):
+        correct(finished(0.3, 0.2, best=2, first=0.4), response=DRIVE)

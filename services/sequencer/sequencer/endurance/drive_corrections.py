@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_bus import Bus, FaultError
-from duralab_monitoring import Alarm
+from duralab_monitoring import Alarm, Monitor
 from duralab_proto.arrays import from_record, to_array, to_record
 from duralab_proto.v1 import query_pb2, sequencer_pb2
 from sequencer.endurance.iterate_again import AWAY, controlled_part, corrected_drive, playbacks_of, wait_for_end
@@ -22,8 +22,8 @@ class DriveCorrections:
     """Drives of one endurance test, and the campaigns that correct them; used by the test's thread.
 
     `tallies`: Tally of each event: the index of its drive, and the playbacks of corrections. `corrected`: Corrected
-    drives so far. `damage_of`: Returns the damage of a response, shape (responses,). `stop`: Event that stops a
-    campaign. `on_counted`: Called with the stored count of each correction.
+    drives so far. `monitor`: Monitor of the repeats, whose limits and damage apply to playbacks of corrections, too.
+    `stop`: Event that stops a campaign. `on_counted`: Called with the stored count of each correction.
     """
 
     def __init__(
@@ -34,7 +34,7 @@ class DriveCorrections:
         log: EnduranceLog,
         tallies: Sequence[EventTally],
         corrected: Sequence[sequencer_pb2.EnduranceDrive],
-        damage_of: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+        monitor: Monitor,
         stop: threading.Event,
         on_counted: Callable[[sequencer_pb2.EnduranceCorrection], None],
     ) -> None:
@@ -43,7 +43,7 @@ class DriveCorrections:
         self._log = log
         self._tallies = tallies
         self._corrected = list(corrected)
-        self._damage_of = damage_of
+        self._monitor = monitor
         self._stop = stop
         self._on_counted = on_counted
         self.drives = list(plan.drives)
@@ -62,18 +62,23 @@ class DriveCorrections:
             return ""
         return f"No repeat of {self._plan.names[event]} is left, so its drive is not corrected."
 
-    def reason_against(self, event: int, alarms: Sequence[Alarm]) -> tuple[Alarm, str]:
-        """Return the first alarm of a repeat that no drive corrects, and why; empty if each may be corrected."""
+    def reason_against(self, event: int, alarm: Alarm) -> tuple[Alarm, str]:
+        """Return the first alarm that no drive corrects, and why; `alarm` and an empty reason if each may be corrected.
+
+        A correction learns the baseline again of all alarms since the last time, those of earlier repeats and those
+        that are only logged, too.
+        """
         if no_repeat_left := self.no_repeat_left(event):
-            return alarms[0], no_repeat_left
+            return alarm, no_repeat_left
         parent, name = self._plan.spec.events[event].campaign, self._plan.names[event]
+        alarms = self._monitor.standing(name)
         try:
             found = controlled_part(self._bus, parent).uncorrectable(alarms) if parent else []
         except FaultError:
             # The correction reads the same recording, and holds with the fault.
             found = []
         if not found:
-            return alarms[0], ""
+            return alarm, ""
         reasons = "; ".join(dict.fromkeys(reason for _, reason in found))
         others = " A correction of the other alarms would learn its baseline again." if len(found) < len(alarms) else ""
         return found[0][0], f"No drive of {name} corrects this alarm: {reasons}.{others}"
@@ -108,6 +113,7 @@ class DriveCorrections:
                 id=campaign,
                 description=description,
                 playbacks=self._plan.schedule.actions.playbacks,
+                passed_limit=self._monitor.passed_abort_limit,
                 stop=self._stop,
                 on_activity=on_activity,
             )
@@ -161,7 +167,7 @@ class DriveCorrections:
         responses = len(self._plan.description.responses)
         while True:
             try:
-                return playbacks_of(self._bus, campaign, responses=responses, damage_of=self._damage_of)
+                return playbacks_of(self._bus, campaign, responses=responses, damage_of=self._monitor.damage)
             except FaultError as fault:
                 if fault.code not in AWAY or self._stop.wait(1.0):
                     raise

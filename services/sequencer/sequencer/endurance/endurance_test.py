@@ -123,7 +123,7 @@ class EnduranceTest:
             log=self._log,
             tallies=self._tallies,
             corrected=before.drives,
-            damage_of=self._monitor.damage,
+            monitor=self._monitor,
             stop=self._stop,
             on_counted=self._show_counted,
         )
@@ -406,8 +406,7 @@ class EnduranceTest:
         if AlarmAction.HOLD in actions:
             self._wait(sentence, alarms=step.alarms)
         elif AlarmAction.ITERATE_AGAIN in actions:
-            # All alarms of the repeat: a correction learns the baseline of an alarm that is only logged, too.
-            alarm, reason = self._corrections.reason_against(step.event, verdict.alarms)
+            alarm, reason = self._corrections.reason_against(step.event, verdict.alarms[0])
             if reason:
                 self._board.add_remark(reason)
                 # Without any repeat left, a decision would change nothing.

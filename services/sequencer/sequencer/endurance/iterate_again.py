@@ -7,11 +7,12 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final
+from functools import partial
+from typing import Final, Protocol
 
 import numpy as np
 from google.protobuf.message import Message
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from duralab_bus import Bus, FaultError, message_of_step, recorded_steps
 from duralab_monitoring import Alarm, Measure, Statistic
@@ -49,6 +50,14 @@ _KINDS: Final = {
 }
 
 
+class PassedLimit(Protocol):
+    """Function that returns the abort limit passed by a response, farther than by the present one; empty if none."""
+
+    def __call__(self, response: ArrayLike, *, present: ArrayLike) -> str:
+        """Judge a response (responses, samples) to a new drive."""
+        ...
+
+
 def corrected_drive(
     bus: Bus,
     drive: NDArray[np.float64],
@@ -59,6 +68,7 @@ def corrected_drive(
     id: str,
     description: rig_pb2.RigDescription,
     playbacks: int,
+    passed_limit: PassedLimit,
     stop: threading.Event,
     on_activity: Callable[[str], None],
 ) -> NDArray[np.float64]:
@@ -67,7 +77,7 @@ def corrected_drive(
     `response`: Response of the last repeat, if the rig cannot have been changed since; otherwise `drive` is played once
     more. `parent`: Campaign of the event's first drive, whose target, settings and model are used. `corrected_by`:
     Campaign of the present drive; empty for the first one. `id`: Id of the new campaign. `playbacks`: Largest number of
-    corrections.
+    corrections. `passed_limit`: Returns the abort limit that a playback passes; one ends the campaign.
     Raises FaultError: Reason why there is no better drive; CANCELLED if `stop` was set, which also stops the campaign.
     """
     spec = _specification(bus, parent)
@@ -87,14 +97,8 @@ def corrected_drive(
         first.of_this_target = True
     else:
         spec.stop.iterations += 1
-    status = bus.query(bus.keys.campaign_start(spec.rig), spec, iterator_pb2.CampaignStatus)
-    while status.phase not in _ENDED:
-        on_activity(status.activity)
-        if stop.wait(_POLL_SECONDS):
-            request = iterator_pb2.StopCampaignRequest(reason="the endurance test was stopped")
-            bus.query(bus.keys.campaign_stop(id), request, iterator_pb2.CampaignStatus)
-            raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
-        status = bus.query(bus.keys.campaign(id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
+    limit_of = partial(_limit_of, bus, id, passed_limit, present=response, responses=len(description.responses))
+    status = _status_at_end(bus, spec, limit_of=limit_of, stop=stop, on_activity=on_activity)
     if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
         raise FaultError(
             status.fault.code or query_pb2.FAULT_CODE_INTERNAL,
@@ -106,6 +110,42 @@ def corrected_drive(
             samples = step.drive if step.HasField("drive") else message.drive.samples
             return from_array(samples, field="drive", shape=drive.shape, dtype=np.float64)
     raise FaultError(query_pb2.FAULT_CODE_DATA_LOSS, f"Campaign {id!r} recorded no playback {best}.")
+
+
+def _status_at_end(
+    bus: Bus,
+    spec: iterator_pb2.CampaignSpec,
+    *,
+    limit_of: Callable[[], str],
+    stop: threading.Event,
+    on_activity: Callable[[str], None],
+) -> iterator_pb2.CampaignStatus:
+    """Run a correction to its end; stop it if `stop` is set, or at a limit passed by a playback, from `limit_of`."""
+    status = bus.query(bus.keys.campaign_start(spec.rig), spec, iterator_pb2.CampaignStatus)
+    judged, passed = 0, ""
+    while True:
+        is_over = status.phase in _ENDED
+        if len(status.iterations) > judged:
+            try:
+                passed, judged = limit_of(), len(status.iterations)
+            except FaultError:
+                # The recorder may be away for a moment; at the end each playback is judged.
+                if is_over:
+                    raise
+        if passed:
+            _stop_campaign(bus, spec.id, passed)
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                f"In campaign {spec.id!r} {passed}; the drive stays, so look at the specimen, and change the limits if "
+                "they are too narrow.",
+            )
+        if is_over:
+            return status
+        on_activity(status.activity)
+        if stop.wait(_POLL_SECONDS):
+            _stop_campaign(bus, spec.id, "the endurance test was stopped")
+            raise FaultError(query_pb2.FAULT_CODE_CANCELLED, "Stopped on request.")
+        status = bus.query(bus.keys.campaign(spec.id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
 
 
 def wait_for_end(bus: Bus, campaign: str, *, stop: threading.Event, on_activity: Callable[[str], None]) -> None:
@@ -122,13 +162,37 @@ def wait_for_end(bus: Bus, campaign: str, *, stop: threading.Event, on_activity:
             last_heard = time.monotonic()
             on_activity(status.activity)
             if stop.wait(_POLL_SECONDS):
-                request = iterator_pb2.StopCampaignRequest(reason="the endurance test was stopped")
-                bus.query(bus.keys.campaign_stop(campaign), request, iterator_pb2.CampaignStatus)
+                _stop_campaign(bus, campaign, "the endurance test was stopped")
                 return
         except FaultError as fault:
             is_over = fault.code == query_pb2.FAULT_CODE_NOT_FOUND or time.monotonic() > last_heard + _SILENCE_SECONDS
             if is_over or stop.wait(_POLL_SECONDS):
                 return
+
+
+def _stop_campaign(bus: Bus, campaign: str, reason: str) -> None:
+    """Stop a campaign, and stop and latch its rig in any state; one that has ended stays as it is."""
+    request = iterator_pb2.StopCampaignRequest(reason=reason)
+    bus.query(bus.keys.campaign_stop(campaign), request, iterator_pb2.CampaignStatus)
+
+
+def _limit_of(
+    bus: Bus, campaign: str, passed_limit: PassedLimit, *, present: NDArray[np.float64] | None, responses: int
+) -> str:
+    """Return the abort limit that a playback of a campaign passed, as a clause; empty if none did.
+
+    `present`: Response to the present drive; if None, the first playback is of the present drive.
+    """
+    for message, step in _steps(bus, campaign, with_samples=True):
+        if isinstance(message, iterator_pb2.IterationStep):
+            response = _response(message, step, responses=responses)
+            if response is None:
+                continue
+            if present is None:
+                present = response
+            elif limit := passed_limit(response, present=present):
+                return f"playback {message.iteration} passed an abort limit of the schedule ({limit})"
+    return ""
 
 
 def playbacks_of(
@@ -164,16 +228,22 @@ def _playbacks(
         if isinstance(message, recorder_pb2.RunPlanned):
             announced.add(message.run)
         elif isinstance(message, iterator_pb2.IterationStep):
-            if step.HasField("response"):
-                samples = step.response
-            elif message.HasField("response"):
-                samples = message.response.samples
-            else:
-                continue
-            with suppress(ArrayError):
-                response = from_array(samples, field="response", shape=(responses, None), dtype=np.float64)
+            response = _response(message, step, responses=responses)
+            if response is not None:
                 damage[message.run] = damage_of(response)
     return len(announced), [damage[run] for run in sorted(announced & damage.keys())]
+
+
+def _response(
+    message: iterator_pb2.IterationStep, step: recorder_pb2.RecordedStep, *, responses: int
+) -> NDArray[np.float64] | None:
+    """Return the recorded response of a playback, shape (responses, samples); None if it is missing or damaged."""
+    if not (step.HasField("response") or message.HasField("response")):
+        return None
+    samples = step.response if step.HasField("response") else message.response.samples
+    with suppress(ArrayError):
+        return from_array(samples, field="response", shape=(responses, None), dtype=np.float64)
+    return None
 
 
 def _better_playback(status: iterator_pb2.CampaignStatus, weights: Mapping[str, float]) -> int:
