@@ -21,6 +21,7 @@ import yaml
 import duralab
 from duralab.campaign import load_project
 from duralab.formats import read_signals
+from duralab_proto.v1 import recorder_pb2
 
 KILLS = int(os.environ.get("DURALAB_KILLS", "3"))
 SECONDS = 600.0
@@ -149,7 +150,34 @@ def test_two_rigs_share_the_events_and_a_missed_one_is_told(tmp_path: Path) -> N
     assert not rows["cobblestones"].reached
     assert not result.reached
     assert "not cobblestones" in result.sentence
-    order = (
-        tmp_path / "out" / "front_axle_events" / "drives" / "front_axle_compliant" / "front_axle_events.seq"
-    ).read_text()
-    assert "# cobblestones is left out: not reached" in order
+    drives = tmp_path / "out" / "front_axle_events" / "drives"
+    assert not (drives / "front_axle_compliant").exists()
+    assert result.order_path == drives / "front_axle" / "front_axle_events.seq"
+
+
+@pytest.mark.timeout(SECONDS)
+def test_a_rig_is_identified_once_also_where_events_miss_their_targets_or_end_early(tmp_path: Path) -> None:
+    plan = yaml.safe_load(project(tmp_path).read_text())
+    # The first one ends early: its budget of damage leaves no room for a playback after the identification.
+    plan["events"]["rough_road"] |= {"priority": 2, "stop": {"iterations": 2, "damage_budget": 1e-6}}
+    plan["events"]["rough_road_worn"] |= {"priority": 1, "stop": {"iterations": 1}}
+    plan["events"]["cobblestones"] |= {"priority": 0, "stop": {"iterations": 1}}
+    path = tmp_path / "missed.yaml"
+    path.write_text(yaml.safe_dump(plan | {"accept": plan["accept"] | {"relative_rms_error": 1e-4}}))
+    found = load_project(path)
+    stale = tmp_path / "out" / "front_axle_events" / "drives" / "front_axle" / "front_axle_events.seq"
+    stale.parent.mkdir(parents=True)
+    stale.write_text("1 10 rough_road.drv\n")
+    with duralab.start(rigs=found.rigs, out=tmp_path / "out") as lab:
+        result = lab.run_project(found)
+    first, *others = result.events
+    assert "damage" in first.error
+    assert [event.started_from for event in result.events] == ["", "rough_road", "rough_road"]
+    assert all(event.result is not None and not event.reached for event in others)
+    for event in others:
+        recording = event.result.recording
+        assert recording.specification.known.model_source == "front_axle_events-rough_road"
+        # One playback, and no run of an identification.
+        assert len(list(recording.messages(recorder_pb2.RunPlanned))) == 1
+    assert result.order_path is None
+    assert not stale.exists()

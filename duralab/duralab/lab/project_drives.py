@@ -23,11 +23,11 @@ _BLEND_SECONDS: Final = 0.5
 
 
 def write_drives(project: Project, results: Sequence[EventResult], folder: Path) -> Path | None:
-    """Write the best drive of each event that reached its target, per rig; return the order file of the first rig.
+    """Write the best drive of each event that reached its target, per rig; return the first order file, None if none.
 
     `folder`: Output folder, with a folder for each rig. Its files: `<event>.drv`; `<project>.seq` with a line for each
     event, in the order of the project file: repeats, seconds, file; `<project>.drv` with each event once, joined by
-    blends.
+    blends. A rig without any such event has no order file, also none of an earlier run.
     """
     order_files = []
     by_name = {result.event.name: result for result in results}
@@ -48,10 +48,12 @@ def write_drives(project: Project, results: Sequence[EventResult], folder: Path)
             write_signals(drive, folder / rig / file, overwrite=True)
             lines.append(f"{event.settings.repeats} {drive.duration:.6g} {file}")
             drives.append(drive)
-        if drives:
-            whole = replace(drives[0], samples=blended([drive.samples for drive in drives], drives[0].sample_rate))
-            write_signals(whole, folder / rig / f"{project.name}.drv", overwrite=True)
         order = folder / rig / f"{project.name}.seq"
+        if not drives:
+            order.unlink(missing_ok=True)
+            continue
+        whole = replace(drives[0], samples=blended([drive.samples for drive in drives], drives[0].sample_rate))
+        write_signals(whole, folder / rig / f"{project.name}.drv", overwrite=True)
         with replace_when_complete(order) as temporary:
             temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
         order_files.append(order)

@@ -25,7 +25,7 @@ class EventResult:
     result : CampaignResult or None
         Result of its campaign; None if the campaign ended early.
     started_from : str
-        Name of the event whose playbacks and model it started from; empty for the first on its rig.
+        Name of the event whose playbacks, or only model, it started from; empty for the first on its rig.
     error : str
         Reason why there is no result; empty if there is one.
     """
@@ -68,7 +68,7 @@ class ProjectResult:
     events : tuple of EventResult
         Results in the order in which they were made, rig by rig.
     report_path, order_path : Path or None
-        Report, and order file of the exported drives; None if no event has a drive.
+        Report, None if no event has a result; order file of the exported drives, None if no event reached its target.
     """
 
     name: str

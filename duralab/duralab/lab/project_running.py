@@ -94,19 +94,23 @@ def _run_rig(run: _Run, rig: str, targets: dict[str, MadeTarget]) -> list[EventR
     alike = _likeness(events, targets)
     done: dict[int, CampaignResult] = {}
     results: list[EventResult] = []
+    # One identification of each rig: the model of the first event that has one, whether or not it reached its target.
+    model, identified = None, ""
     for number in ordered(alike.distance, [event.settings.priority for event in events]):
         event, near = events[number], nearest(alike.distance, number, list(done), most=_LEARN_FROM)
         target = targets[event.name]
         plan = _from_nearest(
             event.campaign,
             [done[each] for each in near],
-            # The model always comes from the rig's first event: one identification of each rig.
-            first=next(iter(done.values()), None),
+            model=model,
             explained=float(alike.explained[near[-1], number]) if near else 0.0,
             target=target,
         )
-        result = _of_event(run, event, plan, target, started_from=events[near[-1]].name if near else "")
+        result = _of_event(run, event, plan, target, started_from=events[near[-1]].name if near else identified)
         results.append(result)
+        if model is None:
+            model = _recorded_model(run, result)
+            identified = event.name if model is not None else ""
         # An event that missed its target has data of the rig away from the wanted responses, so it is no start.
         if result.result is not None and result.reached:
             done[number] = result.result
@@ -140,20 +144,31 @@ def _of_event(run: _Run, event: Event, plan: Campaign, target: MadeTarget, *, st
         return EventResult(event, None, started_from, error=str(error))
 
 
+def _recorded_model(run: _Run, result: EventResult) -> Path | None:
+    """Return the recording of an event with a model of its rig, also if the event ended early; None without a model."""
+    done, id = result.result, result.event.campaign.name
+    path = done.recording_path if done is not None else run.lab.place.file(id)
+    return path.resolve() if path is not None and open_recording(path).model is not None else None
+
+
 def _from_nearest(
-    plan: Campaign, near: list[CampaignResult], *, first: CampaignResult | None, explained: float, target: MadeTarget
+    plan: Campaign, near: list[CampaignResult], *, model: Path | None, explained: float, target: MadeTarget
 ) -> Campaign:
-    """Return an event's campaign that starts from the nearest results, the nearest last; unchanged for the first."""
-    if first is None:
-        return plan
-    before, closest = plan.start_from or StartFrom(), near[-1]
-    changes: dict[str, object] = {"learn_from": (*before.learn_from, *(each.specification.id for each in near))}
-    if before.model is None:
-        changes["model"] = str(first.recording_path.resolve())
-    short = closest.recording.target.samples.shape[1] <= target.edited.signals.samples.shape[1]
-    if before.drive is None and before.section is None and short and explained >= RESEMBLES:
-        changes["drive"] = str(closest.recording_path.resolve())
-    return plan.model_copy(update={"start_from": before.model_copy(update=changes)})
+    """Return an event's campaign that starts from a model and the nearest results, the nearest last.
+
+    It is unchanged without both.
+    """
+    before = plan.start_from or StartFrom()
+    changes: dict[str, object] = {}
+    if model is not None and before.model is None:
+        changes["model"] = str(model)
+    if near:
+        changes["learn_from"] = (*before.learn_from, *(each.specification.id for each in near))
+        closest = near[-1]
+        short = closest.recording.target.samples.shape[1] <= target.edited.signals.samples.shape[1]
+        if before.drive is None and before.section is None and short and explained >= RESEMBLES:
+            changes["drive"] = str(closest.recording_path.resolve())
+    return plan.model_copy(update={"start_from": before.model_copy(update=changes)}) if changes else plan
 
 
 def _likeness(events: list[Event], targets: dict[str, MadeTarget]) -> Likeness:
