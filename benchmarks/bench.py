@@ -157,7 +157,7 @@ def main() -> None:
     document: dict[str, Any] = {"rigs": {}, **before, "seconds": SECONDS, "machine": machine()}
     with ProcessorTime() as processors:
         _measure_chosen(document, given, shipped, everything=everything)
-    document["machine"]["taken by its host"] = f"{processors.stolen_share:.1%}"
+    document["machine"]["taken by its host"] = f"{100 * processors.stolen_share:.1f} %"
     given.out.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
     if given.page:
         given.page.write_text(page(document), encoding="utf-8")

@@ -128,7 +128,7 @@ def tolerance_table() -> str:
         ]
         cells = [f"{gain.min():.2f}, {gain.max():.2f}" for gain in gains]
         lines.append(
-            f"| {oil:.0%} | {compensation:.0%} | {least_damped(rig)[1]:.3f} | ".replace("%", " %")
+            f"| {100 * oil:.0f} % | {100 * compensation:.0f} % | {least_damped(rig)[1]:.3f} | "
             + " | ".join(cells)
             + " |"
         )

@@ -33,7 +33,8 @@ def main() -> None:
         rows.append((done.event.name, done.started_from or "–", *counts))
     rows.append(("all", "", str(in_project), "", str(single), ""))
     table = text_table(("event", "starts from", "project", "error", "single", "error"), rows, left=2)
-    saved = f"The project needs {in_project} playbacks, single campaigns {single}: {1 - in_project / single:.0%} fewer."
+    fewer = 100 * (1 - in_project / single)
+    saved = f"The project needs {in_project} playbacks, single campaigns {single}: {fewer:.0f} % fewer."
     sys.stdout.write(f"{table}\n{saved}\n")
 
 

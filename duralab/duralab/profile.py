@@ -104,7 +104,7 @@ class Profile:
         began, ended = self.period
         wall = ended - began
         shares = sorted(self.shares(began, ended).items(), key=lambda share: -share[1])
-        rows = [f"{_SHOWN[kind]:<34} {seconds:7.2f} s  {seconds / wall:6.1%}" for kind, seconds in shares]
+        rows = [f"{_SHOWN[kind]:<34} {seconds:7.2f} s  {100 * seconds / wall:5.1f} %" for kind, seconds in shares]
         return "\n".join([f"{'from first to last':<34} {wall:7.2f} s", *rows])
 
 

@@ -45,7 +45,7 @@ def test_a_drive_that_moves_faster_than_the_rate_of_the_controller_holds_is_refu
     drive = noise()
     time = np.arange(drive.samples.shape[1]) / drive.sample_rate
     fast = np.stack([drive.samples[0], 0.002 * np.sin(2 * np.pi * 60.0 * time)])
-    sentence = r"the map: right loses \d+\.\d% of its RMS at controller_rate 102\.4 Hz: raise it to 2\.3 times the hig"
+    sentence = r"the map: right loses \d+\.\d % of its RMS at controller_rate 102\.4 Hz: raise it to 2\.3 times the hig"
     with pytest.raises(InputError, match=sentence):
         export_drive(Signals(drive.channels, 200.0, fast), controller_map, run="fast")
     assert not list((tmp_path / "exchange").glob("outbox/fast*"))
@@ -203,7 +203,7 @@ def test_the_commands_write_a_drive_and_read_its_response(controller_map, tmp_pa
     assert (code, err) == (0, "")
     assert "exchange/outbox/road.drv: " in out
     assert "L Disp: peak 30" in out
-    assert "60% of its limit; full scale 50 mm" in out
+    assert "60 % of its limit; full scale 50 mm" in out
     assert "waits for inbox/road.rsp" in out
     response = respond(tmp_path / "exchange", "road")
     code, out, err = invoke("import", "--map", controller_map, response, tmp_path / "road.csv", "--json")

@@ -267,7 +267,7 @@ def test_the_error_is_told_beside_the_noise_floor():
         ],
     )
     rows = repeatability_rows(told, table)
-    assert [row.words for row in rows] == ["reproduced to within 1.2 × of the repeatability", "watched"]
+    assert [row.words for row in rows] == ["reproduced to within 1.2 × of the repeatability", "monitored"]
     assert rows[0].noise_floor == "0.1"
     status = iterator_pb2.CampaignStatus(
         iterations=[

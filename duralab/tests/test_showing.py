@@ -149,7 +149,7 @@ def test_a_figure_that_a_rig_without_valves_does_not_tell_is_a_dash():
     without = ActuatorUse(drive="nose", peak_command_ratio=0.5, saturated_share=0.0, largest_following_error=0.0)
     (row,) = actuator_rows([without], drive)
     assert (row.saturated, row.load_pressure, row.supply_pressure, row.following_error) == ("–", "–", "–", "–")
-    assert str(Played("x", drive, (without,), 1.0)).splitlines()[-1].split() == ["nose", "50%", "–", "–"]
+    assert str(Played("x", drive, (without,), 1.0)).splitlines()[-1].split() == ["nose", "50", "%", "–", "–"]
     told = {"largest_following_error": 0.25, "largest_load_pressure_share": 0.5, "lowest_supply_pressure": 2.8e7}
     (row,) = actuator_rows([dataclasses.replace(without, **told)], drive)
     figures = (row.saturated, row.load_pressure, row.supply_pressure, row.following_error)

@@ -240,11 +240,11 @@ def test_a_watched_channel_has_no_say_in_the_verdict_and_is_named_so_in_the_tabl
     assert verdict.judgement is Judgement.REACHED
     assert "0.100 at worst (c 0;" in verdict.sentence
     assert compare_with_first(table).startswith("Every channel is closer")
-    assert "c 1 (watched)" in str(table)
+    assert "c 1 (monitored)" in str(table)
     target = open_recording(recording_path).target
     three = Signals(target.channels[:3], target.sample_rate, target.samples[:3])
     rows = channel_rows(table, three, verdict=verdict, slope=5)
-    assert [row.verdict for row in rows] == [("accepted", "good"), ("watched", ""), ("watched", "")]
+    assert [row.verdict for row in rows] == [("accepted", "good"), ("monitored", ""), ("monitored", "")]
     assert [row.error for row in rows] == [("0.100", "good"), ("0.900", ""), ("–", "")]
 
 

@@ -34,7 +34,7 @@ def tell(sample: zenoh.Sample, kind: type) -> None:
         case rig_pb2.SignalBlock():
             words = f"samples from {message.first_sample}{', the last' if message.last else ''}"
         case _:
-            words = f"{message.status.activity} ({message.status.fraction:.0%})"
+            words = f"{message.status.activity} ({100 * message.status.fraction:.0f} %)"
     print(f"{key.removeprefix(ROOT)}: {words}{f', {lost} lost before' if lost else ''}", flush=True)
 
 

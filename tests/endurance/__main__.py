@@ -62,7 +62,8 @@ def report(outcome: Outcome) -> str:
         f"lost {len(outcome.lost)}, doubled {len(outcome.doubled)}; end not known of {outcome.unknown}",
         f"{outcome.kept} kept with all samples, {outcome.alarms} alarms",
         f"{outcome.recordings} recordings, {outcome.bytes / 1e6:.1f} MB: {outcome.bytes // outcome.repeats} B each",
-        f"forecast {outcome.forecast_bytes / 1e6:.1f} MB, used {outcome.bytes / outcome.forecast_bytes:.0%} of it",
+        f"forecast {outcome.forecast_bytes / 1e6:.1f} MB, "
+        f"used {100 * outcome.bytes / outcome.forecast_bytes:.0f} % of it",
     ]
     if len(outcome.memory) >= 4:
         quarter = len(outcome.memory) // 4

@@ -68,7 +68,8 @@ def with_experiment(text: str, rig: Rig) -> str:
         ("decibels_per_octave: .*", f"decibels_per_octave: {_DECIBELS_PER_OCTAVE:g}"),
         (
             r"# RMS of each drive(?:.*\n)+?  rms:\n(?:    .*\n)+",
-            f"# RMS of each drive in its unit: {_RANGE_SHARE:.0%} of its limit, less where its rate limit demands it.\n"
+            f"# RMS of each drive in its unit: {100 * _RANGE_SHARE:.0f} % of its limit, less where its rate limit "
+            "demands it.\n"
             f"  rms:\n{''.join(levels)}",
         ),
         (

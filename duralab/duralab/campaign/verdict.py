@@ -431,6 +431,6 @@ def judged_rows(
     for i, channel in enumerate(table.channels):
         findings = [verdict.of(channel, criterion) for criterion in judged]
         cells = ["–" if found is None else f"{found}{'' if found.accepted else ' ✗'}" for found in findings]
-        mark = " (watched)" if table.watched[i] else ""
+        mark = " (monitored)" if table.watched[i] else ""
         rows.append([f"{channel.replace('_', ' ')}{mark}", *cells, passes(spent[i])])
     return [("channel", ""), *header, ("damage spent", f"passes, k = {slope}")], rows

@@ -258,7 +258,7 @@ def figure_table(title: str, result: CampaignResult, values: np.ndarray, *, over
         watched = bool(iterations.watched[i])
         green = limit if not watched else None
         cells = [figure_cell(float(values[row, i]), green=green) for row in shown]
-        table.add_row(name.replace("_", " ") + (" (watched)" if watched else ""), *cells)
+        table.add_row(name.replace("_", " ") + (" (monitored)" if watched else ""), *cells)
     if overall is not None:
         table.add_section()
         table.add_row("all channels", *(f"{overall[row]:.3f}" for row in shown))

@@ -152,8 +152,8 @@ class Proposal:
             return f"{head}\nNo drive could be made with the settings in use: {self.refusal}"
         drives = [
             (
-                *(use.channel, f"{use.peak:.4g}", f"{use.range_share:.0%}", f"{use.slew:.4g}"),
-                *(f"{use.slew_share:.0%}" if use.slew_share else "–", f"{use.change:.0%}"),
+                *(use.channel, f"{use.peak:.4g}", f"{100 * use.range_share:.0f} %", f"{use.slew:.4g}"),
+                *(f"{100 * use.slew_share:.0f} %" if use.slew_share else "–", f"{100 * use.change:.0f} %"),
             )
             for use in self.drives
         ]
@@ -167,8 +167,8 @@ class Proposal:
         return "\n".join(
             (
                 head,
-                f"Predicted error over all controlled responses: {self.overall_error:.3f}, at {self.level:.0%} of the "
-                "target.",
+                f"Predicted error over all controlled responses: {self.overall_error:.3f}, at {100 * self.level:.0f} "
+                "% of the target.",
                 text_table(("drive", "peak", "of its range", "slew", "of its limit", "change"), drives, left=1),
                 text_table(("response", "error", "peak", "damage k=3", "k=5", "k=8", "uncertainty"), responses, left=1),
                 *self.remarks,

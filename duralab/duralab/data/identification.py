@@ -167,7 +167,7 @@ def plan_text(plan: ExperimentPlan) -> str:
         ("realisations", str(plan.realisations)),
         ("experiments per realisation", str(plan.experiments_per_realisation)),
         ("periods", str(plan.periods)),
-        ("share of delays", f"{plan.delay_share:.0%}"),
+        ("share of delays", f"{100 * plan.delay_share:.0f} %"),
         ("independent averages", f"{plan.independent_averages:.1f}"),
         ("band", f"{low:.3g} to {high:.3g} Hz, {plan.lines} lines, one every {plan.frequency_resolution:.3g} Hz"),
     )

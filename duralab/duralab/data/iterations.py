@@ -340,7 +340,7 @@ def _best_number(
 
 
 def _iteration_rows(table: IterationTable) -> tuple[list[str], list[list[str]]]:
-    marks = (" (watched)" if watched else "" for watched in table.watched)
+    marks = (" (monitored)" if watched else "" for watched in table.watched)
     names = (f"{name.replace('_', ' ')}{mark}" for name, mark in zip(table.channels, marks, strict=True))
     rows = [[str(number), *table.cells(row), f"{table.overall[row]:.3f}"] for row, number in enumerate(table.numbers)]
     if len(table):

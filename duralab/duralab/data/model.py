@@ -243,7 +243,7 @@ def _model_rows(model: Model) -> list[tuple[str, ...]]:
         deviation = np.median(np.linalg.norm(model.frf_deviation[lines, i], axis=1) / size) if lines.any() else np.nan
         known = np.isfinite(deviation) and deviation > 0.0
         low, middle = (np.min(coherence), np.median(coherence)) if lines.any() else (np.nan, np.nan)
-        shown = f"{deviation:.1%}" if known else "–"
+        shown = f"{100 * deviation:.1f} %" if known else "–"
         rows.append((channel.name, channel.unit, f"{low:.3f}", f"{middle:.3f}", shown))
     return rows
 

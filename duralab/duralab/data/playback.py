@@ -161,8 +161,8 @@ def use_rows(uses: Sequence[ActuatorUse]) -> list[tuple[str, ...]]:
     return [
         (
             use.drive,
-            f"{use.peak_command_ratio:.0%}",
-            f"{use.saturated_share:.2%} of the time" if use.tells_of_a_valve else "–",
+            f"{100 * use.peak_command_ratio:.0f} %",
+            f"{100 * use.saturated_share:.2f} % of the time" if use.tells_of_a_valve else "–",
             f"{use.largest_following_error:.3g}" if use.tells_what_was_achieved else "–",
         )
         for use in uses

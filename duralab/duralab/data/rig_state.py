@@ -100,6 +100,6 @@ class RigState:
 
     def __str__(self) -> str:
         """Return the state as text."""
-        run = f" {self.run} ({self.fraction:.0%})" if self.run else ""
+        run = f" {self.run} ({100 * self.fraction:.0f} %)" if self.run else ""
         reason = f": {self.why}" if self.why else ""
         return f"{self.rig} is {self.mode}{run}{reason}"

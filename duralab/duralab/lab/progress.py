@@ -68,7 +68,7 @@ class RunProgress:
     def __str__(self) -> str:
         """Return a description as text."""
         left = f", {self.remaining_seconds:.0f} s left" if self.remaining_seconds >= 0 else ""
-        return f"{self.stage}: {self.activity} ({self.fraction:.0%}{left})"
+        return f"{self.stage}: {self.activity} ({100 * self.fraction:.0f} %{left})"
 
 
 OnProgress = Callable[[RunProgress], None]

@@ -39,7 +39,7 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
             )
             + (f", or when an error exceeds {stop.divergence_ratio:g} × its best" if stop.divergence_ratio else "")
             + (
-                f", or when the best error falls by less than {stop.smallest_improvement:.1%}"
+                f", or when the best error falls by less than {100 * stop.smallest_improvement:.1f} %"
                 if stop.smallest_improvement
                 else ""
             )

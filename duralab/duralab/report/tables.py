@@ -75,7 +75,7 @@ def channel_rows(table: IterationTable, target: Signals, *, verdict: Verdict, sl
 
 def _channel_verdict(verdict: Verdict, name: str, *, watched: bool) -> Shown:
     if watched:
-        return ("watched", "")
+        return ("monitored", "")
     found = [finding for finding in verdict.findings if finding.channel == name]
     failed = [_SHORT[finding.criterion] for finding in found if not finding.accepted]
     if failed:
@@ -153,7 +153,7 @@ def repeatability_rows(repeatability: iterator_pb2.Repeatability, table: Iterati
     for channel, watched in zip(repeatability.channels, table.watched, strict=True):
         error, floor = channel.relative_rms_error, channel.noise_floor
         if watched:
-            words = "watched"
+            words = "monitored"
         elif floor > 0.0:
             words = f"reproduced to within {error / floor:.1f} × of the repeatability"
         else:

@@ -343,8 +343,8 @@ def _judge(
         gain = found.gain[row]
         if abs(found.offset[row]) > LARGEST_OFFSET * limits[row]:
             bad.append(
-                f"the command of {name} is off by {found.offset[row] / limits[row]:.1%} of its limit, and "
-                f"{LARGEST_OFFSET:.0%} are allowed"
+                f"the command of {name} is off by {100 * found.offset[row] / limits[row]:.1f} % of its limit, and "
+                f"{100 * LARGEST_OFFSET:.0f} % are allowed"
             )
         if found.left[row] > allowed and not moving[row]:
             bad.append(f"the command of {name} moves, and its drive does not")
@@ -356,6 +356,6 @@ def _judge(
                 " the run was broken off, or it is that of another drive"
             )
         elif abs(gain - 1.0) > LARGEST_GAIN_ERROR + 4.0 * found.uncertainty[row]:
-            bad.append(f"the command of {name} has {gain:.1%} of the drive's size; set the span to 100 %")
+            bad.append(f"the command of {name} has {100 * gain:.1f} % of the drive's size; set the span to 100 %")
     if bad:
         raise DriveFileError(f"{'; '.join(bad)}. See to the controller and give the record of a new playback.")

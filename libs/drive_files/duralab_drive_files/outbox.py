@@ -353,7 +353,8 @@ def drive_faults(controller_map: ControllerMap, drive: np.ndarray) -> Iterator[s
             )
         if lost > _LARGEST_LOSS:
             yield (
-                f"{channel.name} loses {lost:.1%} of its RMS at controller_rate {controller_map.controller_rate:g} Hz: "
+                f"{channel.name} loses {100 * lost:.1f} % of its RMS at controller_rate "
+                f"{controller_map.controller_rate:g} Hz: "
                 "raise it to 2.3 times the highest frequency of the drive or more"
             )
 

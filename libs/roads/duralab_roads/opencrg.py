@@ -334,5 +334,5 @@ def _refuse_curved(header: CrgHeader, values: NDArray[np.float64], *, spacing: f
     if stretch > MAXIMUM_STRETCH:
         raise header.error(
             f"the reference line turns with {curvature:.3g} rad/m, which stretches the outermost column by "
-            f"{stretch:.0%}; up to {MAXIMUM_STRETCH:.0%} can be driven as a straight road.",
+            f"{100 * stretch:.0f} %; up to {100 * MAXIMUM_STRETCH:.0f} % can be driven as a straight road.",
         )

@@ -190,9 +190,9 @@ def test_the_difference_of_two_models_is_told_from_chance():
     size = np.sum(np.abs(FRF[50, 1]) ** 2)
     assert difference.by_chance[50, 1] == pytest.approx(np.sqrt(0.02 / size))
     first, other = difference_sentences(difference, frequency=FREQUENCY, responses=("left_vertical", "right_vertical"))
-    assert "at most by 30% at" in first
+    assert "at most by 30 % at" in first
     assert "in left vertical" in first
-    assert "by 0% in right vertical" in other
+    assert "by 0 % in right vertical" in other
 
 
 def test_the_damage_of_an_experiment_follows_the_power_of_its_levels():

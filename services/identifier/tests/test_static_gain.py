@@ -71,7 +71,7 @@ def test_a_change_of_30_percent_in_the_used_half_of_a_hold_of_4_s_is_half_of_the
 def test_a_static_gain_that_does_not_continue_the_frf_is_reported_with_the_lowest_line():
     # 0.98 Hz is far above the corner of a plant with a time constant of 2 s.
     warnings = measured(20.0, seconds=2.0)[1]
-    assert any(re.search(r"differs by \d+% from the FRF at 0\.977 Hz", warning.sentence) for warning in warnings)
+    assert any(re.search(r"differs by \d+ % from the FRF at 0\.977 Hz", warning.sentence) for warning in warnings)
 
 
 def test_each_drive_alone_is_held_at_its_own_largest_value_up_and_down_and_ends_at_rest():

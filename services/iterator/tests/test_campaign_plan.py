@@ -197,12 +197,12 @@ def test_the_share_of_the_target_outside_the_band_is_told():
     spec = specification()
     # White noise up to 100 Hz against a band of 2 to 60 Hz: four tenths lie above.
     plan = plan_campaign(spec, description(), experiment_plan(spec))
-    told = [float(share) for share in re.findall(r"([\d.]+)% above", plan.remarks[0])]
+    told = [float(share) for share in re.findall(r"([\d.]+) % above", plan.remarks[0])]
     assert told == pytest.approx([42.0, 42.0], abs=4.0)
     # The same figure is in the metrics of every playback; what lies below the band counts too.
     metrics = judge_confirmation(plan.target_in_band, plan.target_in_band, plan=plan)
     shares = [channel.target_energy_outside_band for channel in channel_metrics(metrics, plan=plan)]
-    below = [float(share) for share in re.findall(r"([\d.]+)% below", plan.remarks[0])]
+    below = [float(share) for share in re.findall(r"([\d.]+) % below", plan.remarks[0])]
     assert 100.0 * np.array(shares) == pytest.approx(np.array(told) + below, abs=0.11)
 
 

@@ -55,7 +55,9 @@ def test_how_much_a_drive_was_changed_is_told_for_the_channel_alone_that_was(ton
     left = np.sqrt(np.mean((projection.drive - tones)[0] ** 2) / np.mean(tones[0] ** 2))
     assert left > 0.01
     assert told[0].startswith("Playback 2: The drive of left would have passed its peak limit of 0.8 m")
-    assert told[1:] == [f"Playback 2: The drive of left was changed by {left:.2%} of its RMS to hold its limits."]
+    assert told[1:] == [
+        f"Playback 2: The drive of left was changed by {100 * left:.2f} % of its RMS to hold its limits."
+    ]
 
 
 def test_what_had_to_be_clipped_is_told(tones):
@@ -64,7 +66,7 @@ def test_what_had_to_be_clipped_is_told(tones):
     projection, told = remarks(tones, peak=1.0, slew=100.0)
     assert projection.clipped[0] > 0.0
     assert told[-1].endswith(
-        f"to hold its limits; {projection.clipped[0]:.2%} had to be clipped and lies outside the control band."
+        f"to hold its limits; {100 * projection.clipped[0]:.2f} % had to be clipped and lies outside the control band."
     )
 
 
@@ -93,7 +95,7 @@ def test_a_response_that_stood_still_is_told_with_the_time_and_what_to_do():
     assert told == [
         "Playback 3: left_lateral stood still from 5.00 s for 10.00 s while its target moved; check the sensor and its "
         "cable, then resume from playback 2 or start anew.",
-        "Playback 3: the watched response beam stood still from 5.00 s for 10.00 s while its target moved; check the "
+        "Playback 3: the monitored response beam stood still from 5.00 s for 10.00 s while its target moved; check the "
         "sensor and its cable.",
     ]
     recorded = [iterator_pb2.IterationStep(remarks=remarks) for remarks in ([], [], told)]

@@ -274,9 +274,9 @@ def test_a_band_from_0_is_refused_where_a_response_did_not_come_to_rest_in_the_h
     if not np.isfinite(change).all():
         assert "damaged model" in caught.value.message
         return
-    moving = "left_vertical by 31%" if change[0] > 0.3 else "right_vertical by 100%"
+    moving = "left_vertical by 31 %" if change[0] > 0.3 else "right_vertical by 100 %"
     assert (caught.value.field, caught.value.code) == ("lowest_frequency", query_pb2.FAULT_CODE_FAILED_PRECONDITION)
-    said = f"while each drive was held for 4 s: {moving} of the step in the second half, and 30% is allowed"
+    said = f"while each drive was held for 4 s: {moving} of the step in the second half, and 30 % is allowed"
     assert said in caught.value.message
     assert "hold the drives longer (excitation.static_hold)" in caught.value.message
     # A watched response may move.

@@ -124,7 +124,7 @@ def _export_for_controller(
         *origin,
         *written.notes,
         *(
-            f"  {channel.name}: peak {channel.peak:.4g} {channel.unit}, {share:.0%} of its limit; "
+            f"  {channel.name}: peak {channel.peak:.4g} {channel.unit}, {100 * share:.0f} % of its limit; "
             f"full scale {channel.full_scale:g} {channel.unit}"
             for channel, share in zip(order.channels, written.limit_shares, strict=True)
         ),

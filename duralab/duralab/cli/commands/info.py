@@ -111,7 +111,7 @@ def _summary_lines(summary: SignalSummary) -> list[str]:
     from duralab.analysis import ENERGY_SHARE
     from duralab.display import text_table
 
-    headings = ("channel", "unit", "smallest", "largest", "RMS", f"{ENERGY_SHARE:.0%} of energy", "PSD")
+    headings = ("channel", "unit", "smallest", "largest", "RMS", f"{100 * ENERGY_SHARE:.0f} % of energy", "PSD")
     count = len(summary.channels)
     lines = [
         f"{count} channel{'' if count == 1 else 's'}, {summary.samples} samples at {summary.sample_rate:g} Hz, "

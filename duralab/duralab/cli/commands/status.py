@@ -119,7 +119,7 @@ def _rig_table(found: LabStatus) -> Table:
 
     table = _table("rig", "state", "run", "why")
     for rig in found.rigs:
-        how_far = f" {rig.fraction:.0%}" if rig.run else ""
+        how_far = f" {100 * rig.fraction:.0f} %" if rig.run else ""
         style = _STYLES.get(rig.mode.name, "")
         table.add_row(
             rig.rig,
@@ -141,7 +141,7 @@ def _campaign_table(found: LabStatus) -> Table:
             campaign.id,
             campaign.rig,
             escape(campaign.activity),
-            f"{campaign.fraction:.0%}",
+            f"{100 * campaign.fraction:.0f} %",
             remaining_words(campaign.remaining_seconds).removesuffix(" left"),
             str(campaign.playbacks),
             "" if campaign.error is None else f"{campaign.error:.3f}",

@@ -100,8 +100,8 @@ def static_warnings(static: StaticGain | None, estimate: FrfEstimate, *, hold: f
             warnings.append(
                 ModelWarning(
                     WarningCode.STATIC_GAIN,
-                    f"Response {i} still changed by {static.unsettled[i]:.1%} of its step while drives were held for "
-                    f"{hold:g} s, so that its static gain is not at rest; hold them longer (static_hold).",
+                    f"Response {i} still changed by {100 * static.unsettled[i]:.1f} % of its step while drives were "
+                    f"held for {hold:g} s, so that its static gain is not at rest; hold them longer (static_hold).",
                     channel=i,
                 )
             )
@@ -110,7 +110,7 @@ def static_warnings(static: StaticGain | None, estimate: FrfEstimate, *, hold: f
             warnings.append(
                 ModelWarning(
                     WarningCode.STATIC_GAIN,
-                    f"Response {i} has a static gain that differs by {away[i] / moved[i]:.0%} from the FRF at "
+                    f"Response {i} has a static gain that differs by {100 * away[i] / moved[i]:.0f} % from the FRF at "
                     f"{frequency:.3g} Hz, between which it is laid straight; excite from a lower frequency in longer "
                     "blocks.",
                     channel=i,

@@ -46,8 +46,8 @@ class Convergence:
         if bound >= 1.0:
             return (
                 f"It converges if the model is right, by {radius:.3g} in each iteration, but may diverge at {where}: "
-                f"{self.converging_share:.0%} of the rigs that its uncertainty allows converge everywhere; identify "
-                "for longer or take smaller gains."
+                f"{100 * self.converging_share:.0f} % of the rigs that its uncertainty allows converge everywhere; "
+                "identify for longer or take smaller gains."
             )
         return (
             f"It converges: in the long run the error falls by the factor {bound:.3g} or more in each iteration, "

@@ -74,8 +74,8 @@ def difference_sentences(
         middle, chance = (float(np.median(part[held, i])) for part in (difference.relative, difference.by_chance))
         worst = held[int(np.argmax(difference.relative[held, i]))]
         sentences.append(
-            f"The models differ by {middle:.0%} in {channel} (median over the band; {chance:.0%} by chance), at most "
-            f"by {difference.relative[worst, i]:.0%} at {frequency[worst]:.3g} Hz."
+            f"The models differ by {100 * middle:.0f} % in {channel} (median over the band; {100 * chance:.0f} % by "
+            f"chance), at most by {100 * difference.relative[worst, i]:.0f} % at {frequency[worst]:.3g} Hz."
         )
     return tuple(sentences)
 

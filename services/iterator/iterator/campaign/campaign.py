@@ -373,7 +373,7 @@ class Campaign:
         """Show the predicted error of the next playback before it is played."""
         self._finish_storing()
         error = forecast.metrics.overall_relative_rms_error
-        self._board.show(f"predicted error of {self._iteration_name()}: {error:.1%}", self._estimate.at(0.0))
+        self._board.show(f"predicted error of {self._iteration_name()}: {100 * error:.1f} %", self._estimate.at(0.0))
 
     def _play(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
         """Play a drive on the rig; callback of the iteration."""

@@ -260,8 +260,8 @@ class Holds:
         before, now = level_of(number + 1, levels), level_of(decision.playback, levels)
         if before != now:
             raise invalid(
-                f"from_iteration is {number}, whose successor is played at {before:.0%} of the target, and playback "
-                f"{decision.playback} at {now:.0%}; go back to a later one.",
+                f"from_iteration is {number}, whose successor is played at {100 * before:.0f} % of the target, and "
+                f"playback {decision.playback} at {100 * now:.0f} %; go back to a later one.",
                 field="from_iteration",
             )
 

@@ -217,7 +217,7 @@ def _checked_weight(update: ResolvedUpdate, description: rig_pb2.RigDescription)
 def _outside_the_band(outside: OutsideBand, band: ControlBand, description: rig_pb2.RigDescription) -> tuple[str, ...]:
     """Return the remark on the part of the target outside the control band."""
     parts = [
-        f"{channel.name} {below:.1%} below and {above:.1%} above"
+        f"{channel.name} {100 * below:.1f} % below and {100 * above:.1f} % above"
         for channel, below, above in zip(description.responses, outside.below, outside.above, strict=True)
         if below + above >= _TOLD_SHARE
     ]
@@ -352,7 +352,7 @@ def _check_target_length(spec: iterator_pb2.CampaignSpec, update: UpdateSettings
         if blocks < FEWEST_BLOCKS:
             raise invalid(
                 f"The target has {samples} samples; Adaptive Modelling averages over blocks of {block} and needs at "
-                f"least {FEWEST_BLOCKS} with {update.correction_overlap:.0%} overlap: take a longer target, "
+                f"least {FEWEST_BLOCKS} with {100 * update.correction_overlap:.0f} % overlap: take a longer target, "
                 "shorter blocks or basic TWR.",
                 field="target.samples",
             )

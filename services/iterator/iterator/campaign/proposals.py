@@ -75,8 +75,8 @@ def proposal_in_words(proposal: iterator_pb2.Proposal, stop: StopCriteria) -> st
     forecasts = [response.forecast for response in proposal.responses]
     column = (3, 5, 8).index(int(stop.damage_exponent))
     return (
-        f"{waits}: predicted error {proposal.overall_relative_rms_error:.1%}, largest peak "
+        f"{waits}: predicted error {100 * proposal.overall_relative_rms_error:.1f} %, largest peak "
         f"{max(forecast.peak_ratio for forecast in forecasts):.3g} and damage "
         f"{max(forecast.damage_ratio[column] for forecast in forecasts):.3g} of the target's, drives at up to "
-        f"{max(max(drive.range_share, drive.slew_share) for drive in proposal.drives):.0%} of their limits"
+        f"{100 * max(max(drive.range_share, drive.slew_share) for drive in proposal.drives):.0f} % of their limits"
     )

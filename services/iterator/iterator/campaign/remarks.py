@@ -69,7 +69,7 @@ def standstills_in_words(found: Sequence[Standstill], *, plan: CampaignPlan, the
         i, when = standstill.response, standstill.segment
         watched = plan.response_weight[i] == 0.0
         sentences.append(
-            f"{'the watched response ' if watched else ''}{plan.description.responses[i].name} stood still from "
+            f"{'the monitored response ' if watched else ''}{plan.description.responses[i].name} stood still from "
             f"{when.start:.2f} s for {when.end - when.start:.2f} s while its target moved; check the sensor and its "
             f"cable{'' if watched else f', then {then}'}."
         )
@@ -112,8 +112,8 @@ def projection_remarks(projection: DriveProjection | None, plan: CampaignPlan) -
     return [
         *map(str, projection.passings),
         *(
-            f"The drive of {channel.name} was changed by {change:.2%} of its RMS to hold its limits"
-            + (f"; {clipped:.2%} had to be clipped and lies outside the control band." if clipped else ".")
+            f"The drive of {channel.name} was changed by {100 * change:.2f} % of its RMS to hold its limits"
+            + (f"; {100 * clipped:.2f} % had to be clipped and lies outside the control band." if clipped else ".")
             for channel, change, clipped in zip(
                 plan.description.drives, projection.change, projection.clipped, strict=True
             )

@@ -82,7 +82,7 @@ def require_settled(
     shape = (len(description.responses),)
     change = from_array(model.static_change, field="static_change", shape=shape, dtype=np.float64)
     moving = [
-        f"{channel.name} by {share:.0%}"
+        f"{channel.name} by {100 * share:.0f} %"
         for channel, share, counts in zip(description.responses, change, controlled, strict=True)
         if counts and share > _LARGEST_CHANGE
     ]
@@ -90,8 +90,9 @@ def require_settled(
         raise _not_static(
             f"responses of rig {description.rig!r} still changed while each drive was held for "
             f"{spec.excitation.static_hold:g} s: {', '.join(moving)} of the step in the second half, and "
-            f"{_LARGEST_CHANGE:.0%} is allowed, beyond which the gain at rest is more than twice the measured one or "
-            "the rig does not hold them: begin above 0 Hz, hold the drives longer (excitation.static_hold), or watch "
+            f"{100 * _LARGEST_CHANGE:.0f} % is allowed, beyond which the gain at rest is more than twice the "
+            "measured one or the rig does not hold them: begin above 0 Hz, hold the drives longer "
+            "(excitation.static_hold), or watch "
             "these responses only"
         )
 

@@ -73,6 +73,6 @@ def tiny_target_remarks(
     if not tiny:
         return ()
     return (
-        f"The target peaks at less than {_TINY_SHARE:.1%} of the response's range: {', '.join(tiny)}; are its unit and "
-        "scale right?",
+        f"The target peaks at less than {100 * _TINY_SHARE:.1f} % of the response's range: {', '.join(tiny)}; are "
+        "its unit and scale right?",
     )

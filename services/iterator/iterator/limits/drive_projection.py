@@ -51,8 +51,8 @@ class LimitPassing:
         first = self.segments[0]
         return (
             f"The drive of {self.channel} would have passed its {self.quantity.value} limit of {self.limit:.4g} "
-            f"{self.unit} by {self.largest_excess:.3g} {self.unit}, for {self.share_of_time:.2%} of the time in "
-            f"{len(self.segments)} segments, first at {first.start:.2f} to {first.end:.2f} s."
+            f"{self.unit} by {self.largest_excess:.3g} {self.unit}, for {100 * self.share_of_time:.2f} % of the time "
+            f"in {len(self.segments)} segments, first at {first.start:.2f} to {first.end:.2f} s."
         )
 
 

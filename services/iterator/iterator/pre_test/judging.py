@@ -184,8 +184,8 @@ def _noise(record: _Record, noise: NDArray[np.float64]) -> list[Finding]:
         Finding(
             Check.NOISE,
             (channel.name,),
-            f"{channel.name} has a noise of {rms:.3g} {channel.unit} RMS at rest, {rms / channel.range:.1%} of its "
-            f"range; {NOISE_SHARE:.0%} is allowed: look at cable, shield and amplifier.",
+            f"{channel.name} has a noise of {rms:.3g} {channel.unit} RMS at rest, {100 * rms / channel.range:.1f} % "
+            f"of its range; {100 * NOISE_SHARE:.0f} % is allowed: look at cable, shield and amplifier.",
         )
         for channel, rms in zip(record.responses, noise, strict=True)
         if rms > NOISE_SHARE * channel.range
@@ -198,7 +198,8 @@ def _offset(record: _Record, offset: NDArray[np.float64]) -> list[Finding]:
             Check.OFFSET,
             (channel.name,),
             f"{channel.name} is {value:.4g} {channel.unit} away from its static response of {channel.static:.4g} "
-            f"{channel.unit} at rest, {abs(value) / channel.range:.1%} of its range; {OFFSET_SHARE:.0%} is allowed: "
+            f"{channel.unit} at rest, {100 * abs(value) / channel.range:.1f} % of its range; "
+            f"{100 * OFFSET_SHARE:.0f} % is allowed: "
             "zero it, or correct the static response.",
         )
         for channel, value in zip(record.responses, offset, strict=True)
@@ -242,8 +243,8 @@ def _saturation(record: _Record, rest: NDArray[np.float64]) -> list[Finding]:
         Finding(
             Check.SATURATION,
             (drive.name,),
-            f"The actuator of {drive.name} is at its limit for {drive.saturated_share:.0%} of the time, at a pulse of "
-            "a few per cent: look at valve, supply and preload.",
+            f"The actuator of {drive.name} is at its limit for {100 * drive.saturated_share:.0f} % of the time, at a "
+            "pulse of a few per cent: look at valve, supply and preload.",
         )
         for drive in record.drives
         if drive.saturated_share > 0.0

@@ -66,7 +66,7 @@ def estimate_correction(history: IterationHistory, model: RigModel, settings: Up
     if count_blocks(samples, block, overlap) < FEWEST_BLOCKS:
         raise ValueError(
             f"The target has {samples} samples; Adaptive Modelling averages over blocks of {block} and "
-            f"needs at least {FEWEST_BLOCKS} of them with {overlap:.0%} overlap: take a longer target, "
+            f"needs at least {FEWEST_BLOCKS} of them with {100 * overlap:.0f} % overlap: take a longer target, "
             "shorter blocks or basic TWR."
         )
     forward = settings.prediction is CorrectionPrediction.FORWARD

@@ -91,7 +91,7 @@ def _require_in_band(drive: NDArray[np.float64], band: ControlBand, *, name: str
     worst = int(np.argmax(share))
     if share[worst] > LARGEST_SHARE_ABOVE:
         raise ValueError(
-            f"T{name[1:]} returned a drive whose channel {worst + 1} has {share[worst]:.0%} of its RMS above "
-            f"{band.highest_driven:g} Hz, the end of the control band; at most {LARGEST_SHARE_ABOVE:.0%} is played: "
-            "limit its steps by apply_inverse or settings.band.limit_drive."
+            f"T{name[1:]} returned a drive whose channel {worst + 1} has {100 * share[worst]:.0f} % of its RMS above "
+            f"{band.highest_driven:g} Hz, the end of the control band; at most {100 * LARGEST_SHARE_ABOVE:.0f} % is "
+            "played: limit its steps by apply_inverse or settings.band.limit_drive."
         )

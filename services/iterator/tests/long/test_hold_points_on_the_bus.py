@@ -270,7 +270,7 @@ def waiting(lab):
             "half the sample rate",
         ),
         ("BACK", {"from_iteration": 4}, "from_iteration", "there are 3 to go back to"),
-        ("BACK", {"from_iteration": 1}, "from_iteration", "whose successor is played at 50%"),
+        ("BACK", {"from_iteration": 1}, "from_iteration", "whose successor is played at 50 %"),
     ],
 )
 def test_a_decision_that_cannot_be_is_refused_and_the_campaign_waits_on(lab, waiting, kind, settings, field, sentence):

@@ -451,7 +451,7 @@ def changed_share(page: Page, before: np.ndarray) -> float:
 def until_changed(page: Page, before: np.ndarray, share: float, seconds: float = 240.0) -> None:
     end = time.monotonic() + seconds
     while (found := changed_share(page, before)) < share:
-        assert time.monotonic() < end, f"{found:.2%} of the frame changed; {share:.2%} are expected"
+        assert time.monotonic() < end, f"{100 * found:.2f} % of the frame changed; {100 * share:.2f} % are expected"
         time.sleep(1.0)
 
 
