@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from contextlib import nullcontext
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,11 +14,12 @@ import duralab
 from duralab import Channel, Signals, open_recording
 from duralab.data import Rig
 from duralab.formats import write_signals
-from duralab.lab.endurance import start_endurance
+from duralab.lab.endurance import EnduranceProgress, EnduranceTest, start_endurance
 from duralab.schedule import schedule_text
 from duralab_loads import channel_damage
 from duralab_proto.arrays import from_array
 from duralab_proto.keys import Keys
+from duralab_proto.v1 import sequencer_pb2
 
 RIG = "front_axle"
 
@@ -75,6 +77,28 @@ def test_the_planned_damage_of_an_endurance_test_is_that_of_the_forecast(folder)
     each = [from_array(event.planned_damage, field="planned_damage") for event in asked[0].events]
     np.testing.assert_allclose(each, [damage(folder, "rough"), damage(folder, "smooth")], rtol=1e-12)
     np.testing.assert_allclose([400, 100] @ np.array(each), list(found.forecast.damage.values()), rtol=1e-12)
+
+
+def test_a_started_endurance_test_has_the_notes_on_its_schedule(folder):
+    given = duralab.load_schedule(schedule(folder, rough="repeats: 400", smooth="repeats: 5"))
+    ask = SimpleNamespace(bus=SimpleNamespace(keys=Keys()), query=lambda *_: None)
+    rig = Rig.from_message(synthetic_campaign.description())
+    test = start_endurance(ask, rig, given, id="weeks", seed=1, real_time=False, recordings=None)
+    assert test.notes == duralab.forecast_schedule(given).notes
+    assert "smooth (5) has no more, so no change is detected in it." in test.notes[0]
+
+
+def test_the_command_that_starts_an_endurance_test_says_the_notes(folder, monkeypatch):
+    test = EnduranceTest(None, "weeks", RIG, notes=("No change is detected in smooth.",))
+    playing = sequencer_pb2.ENDURANCE_PHASE_PLAYING
+    status = sequencer_pb2.EnduranceStatus(id="weeks", rig=RIG, phase=playing, activity="starting")
+    progress = EnduranceProgress.from_message(status)
+    monkeypatch.setattr(EnduranceTest, "progress", lambda _: progress)
+    lab = nullcontext(SimpleNamespace(endure=lambda *_, **__: test))
+    monkeypatch.setattr("duralab.lab.connect", lambda _: lab)
+    code, said, _ = invoke("endurance", "start", schedule(folder), "--connect", "tcp/127.0.0.1:1")
+    assert code == 0
+    assert said.splitlines()[:2] == ["No change is detected in smooth.", f"Endurance test weeks on {RIG}: starting"]
 
 
 def test_a_design_finds_the_mix_that_the_plan_was_made_of(folder):
