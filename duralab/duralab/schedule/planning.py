@@ -236,7 +236,7 @@ def design_schedule(schedule: Schedule, *, recordings: Path | None = None) -> Sc
         )
         designed = schedule.with_repeats(dict(zip(events, map(int, found.repeats), strict=True)))
     except ValueError as error:  # of the design, or of the schedule that it gives
-        sentence = str(error) if isinstance(error, ScheduleError) else f"The designed schedule {schedule.name} {error}"
+        sentence = str(error) if isinstance(error, ScheduleError) else f"The design of {schedule.name}: {error}"
         raise InputError(sentence) from error
     return _with_forecast(designed, events, planned, notes)
 

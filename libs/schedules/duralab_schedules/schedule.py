@@ -294,20 +294,24 @@ class Schedule(Section):
     @model_validator(mode="after")
     def _check_repeats(self) -> Self:
         if (self.order is Order.NESTED) != bool(self.blocks):
-            given = "has no blocks" if self.order is Order.NESTED else f"has blocks and the order {self.order}"
-            raise ValueError(f"{given}; blocks belong to the order nested, and it needs them")
+            given = "no blocks" if self.order is Order.NESTED else f"blocks and the order {self.order}"
+            raise ValueError(f"the schedule has {given}; blocks belong to the order nested, and it needs them")
         given = [event.repeats for event in self.events.values() if event.repeats is not None]
         if self.order is Order.NESTED:
             if given:
-                raise ValueError("has repeats of an event beside blocks, which set them; leave repeats out")
+                raise ValueError(
+                    "the schedule has repeats of an event beside blocks, which set them; leave repeats out"
+                )
             given = list(self.repeats.values())
             if idle := [name for name, count in self.repeats.items() if not count]:
                 raise ValueError(f"{', '.join(idle)} is in no block; name it in one, or leave the event out")
         total = sum(given)
         if total > MOST_REPEATS:
-            raise ValueError(f"has {total} repeats; {MOST_REPEATS} are allowed, so divide it into several schedules")
+            raise ValueError(
+                f"the schedule has {total} repeats; {MOST_REPEATS} are allowed, so divide it into several schedules"
+            )
         if total == 0 and len(given) == len(self.events):
-            raise ValueError("has no repeats at all; give one event repeats above 0")
+            raise ValueError("the schedule has no repeats at all; give one event repeats above 0")
         return self
 
 
