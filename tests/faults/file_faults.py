@@ -28,7 +28,7 @@ _ANOTHER = r"not follow|response of run|way in and drive take|follows|is inverte
 REASONS = {
     ControllerFault.LOST_LAST_FRAME: r"bytes|samples|frames",
     ControllerFault.SHORT_RECORDING: r"way in and drive take|before the drive does|broken off",
-    ControllerFault.SPAN_OF_80_PERCENT: r"(79|80)\.\d% of the drive's size",
+    ControllerFault.SPAN_OF_80_PERCENT: r"(79|80)\.\d % of the drive's size",
     ControllerFault.SWAPPED_CHANNELS: r"follows",
     ControllerFault.INVERTED_CHANNEL: r"is inverted",
     ControllerFault.PREVIOUS_RUN: _ANOTHER,

@@ -148,7 +148,11 @@ def _recorded_model(run: _Run, result: EventResult) -> Path | None:
     """Return the recording of an event with a model of its rig, also if the event ended early; None without a model."""
     done, id = result.result, result.event.campaign.name
     path = done.recording_path if done is not None else run.lab.place.file(id)
-    return path.resolve() if path is not None and open_recording(path).model is not None else None
+    try:
+        return path.resolve() if path is not None and open_recording(path).model is not None else None
+    except InputError:
+        # Of an event that ended early perhaps not even the beginning was recorded.
+        return None
 
 
 def _from_nearest(

@@ -94,7 +94,7 @@ def broken_off(rows):
 @pytest.mark.parametrize(
     ("fault", "sentence"),
     [
-        ({"gain": 0.8}, r"80\.\d% of the drive's size"),
+        ({"gain": 0.8}, r"80\.\d % of the drive's size"),
         ({"change": swapped}, "the command of lift follows push"),
         ({"change": lambda rows: rows * [[-1.0], [1.0]]}, "the command of lift is inverted"),
         ({"change": broken_off}, "broken off"),
