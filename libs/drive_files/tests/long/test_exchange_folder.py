@@ -101,7 +101,7 @@ def broken_off(rows):
         ({"end": 3.0}, "save its last frame"),
         ({"ppm": 100.0}, "let one clock drive output and acquisition"),
         ({"rate": 200.0}, "its sample rate is 200 Hz"),
-        ({"change": lambda rows: np.add(rows, [[0.005], [0.0]])}, "is off by 5.0% of its limit"),
+        ({"change": lambda rows: np.add(rows, [[0.005], [0.0]])}, "is off by 5.0 % of its limit"),
     ],
 )
 def test_what_is_not_this_drive_is_refused_with_the_reason(beam, box, fault, sentence):
