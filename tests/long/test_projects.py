@@ -168,6 +168,7 @@ def test_a_rig_is_identified_once_also_where_events_miss_their_targets_or_end_ea
     stale = tmp_path / "out" / "front_axle_events" / "drives" / "front_axle" / "front_axle_events.seq"
     stale.parent.mkdir(parents=True)
     stale.write_text("1 10 rough_road.drv\n")
+    stale.with_suffix(".drv").write_bytes(b"of an earlier run")
     with duralab.start(rigs=found.rigs, out=tmp_path / "out") as lab:
         result = lab.run_project(found)
     first, *others = result.events
@@ -180,4 +181,4 @@ def test_a_rig_is_identified_once_also_where_events_miss_their_targets_or_end_ea
         # One playback, and no run of an identification.
         assert len(list(recording.messages(recorder_pb2.RunPlanned))) == 1
     assert result.order_path is None
-    assert not stale.exists()
+    assert list(stale.parent.iterdir()) == []

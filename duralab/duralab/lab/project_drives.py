@@ -27,7 +27,7 @@ def write_drives(project: Project, results: Sequence[EventResult], folder: Path)
 
     `folder`: Output folder, with a folder for each rig. Its files: `<event>.drv`; `<project>.seq` with a line for each
     event, in the order of the project file: repeats, seconds, file; `<project>.drv` with each event once, joined by
-    blends. A rig without any such event has no order file, also none of an earlier run.
+    blends. A rig without any such event has neither, also none of an earlier run.
     """
     order_files = []
     by_name = {result.event.name: result for result in results}
@@ -48,12 +48,13 @@ def write_drives(project: Project, results: Sequence[EventResult], folder: Path)
             write_signals(drive, folder / rig / file, overwrite=True)
             lines.append(f"{event.settings.repeats} {drive.duration:.6g} {file}")
             drives.append(drive)
-        order = folder / rig / f"{project.name}.seq"
+        order, joined = (folder / rig / f"{project.name}.{ending}" for ending in ("seq", "drv"))
         if not drives:
-            order.unlink(missing_ok=True)
+            for stale in (order, joined):
+                stale.unlink(missing_ok=True)
             continue
         whole = replace(drives[0], samples=blended([drive.samples for drive in drives], drives[0].sample_rate))
-        write_signals(whole, folder / rig / f"{project.name}.drv", overwrite=True)
+        write_signals(whole, joined, overwrite=True)
         with replace_when_complete(order) as temporary:
             temporary.write_text("\n".join(lines) + "\n", encoding="utf-8")
         order_files.append(order)
