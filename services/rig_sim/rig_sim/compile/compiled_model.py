@@ -95,8 +95,7 @@ def aligned(shape: tuple[int, ...]) -> np.ndarray:
     return memory[offset : offset + size].view(np.float64).reshape(shape)
 
 
-_DERIVATIVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 4)
-OBSERVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)
+DERIVATIVE_SIGNATURE = ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * 5)
 
 
 @dataclass(frozen=True)
@@ -231,8 +230,7 @@ class CompiledModel(NamedModel):
         self.constants[:] = constants
         self._constants_address = self.constants.ctypes.data
         self._bounds: _Bounds | None = None
-        self._derivative = _DERIVATIVE_SIGNATURE(module.address("derivative"))
-        self._observe = OBSERVE_SIGNATURE(module.address("observe"))
+        self._derivative = DERIVATIVE_SIGNATURE(module.address("derivative"))
         self._play = {method: PLAY_SIGNATURE(module.address(play_symbol(method))) for method in Method}
         self.operation_count = operation_count
         self.state_order = state_order
@@ -251,7 +249,7 @@ class CompiledModel(NamedModel):
         values = self._vector(state, self.state_names, "state")[self._order]
         given = self._vector(inputs, self.input_names, "inputs")
         derivative = np.empty(len(self.state_names))
-        self._derivative(*(array.ctypes.data for array in (values, given, self.constants, derivative)))
+        self._derivative(*(array.ctypes.data for array in (values, given, self.constants, derivative)), None)
         return derivative[self._places]
 
     def outputs(self, state: ArrayLike, inputs: ArrayLike) -> np.ndarray:
@@ -268,7 +266,7 @@ class CompiledModel(NamedModel):
         outputs = np.empty((len(states), len(self.output_names)))
         place, u, x_dot, y = (array.ctypes.data for array in (values, given, derivative, outputs))
         for row in range(len(states)):
-            self._observe(
+            self._derivative(
                 place + row * values.strides[0], u, self._constants_address, x_dot, y + row * outputs.strides[0]
             )
         return outputs

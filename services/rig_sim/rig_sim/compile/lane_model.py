@@ -16,12 +16,12 @@ import numpy as np
 from llvmlite import binding as llvm
 
 from rig_sim.compile.code_cache import cached_module
-from rig_sim.compile.compiled_model import OBSERVE_SIGNATURE, CompiledModule, NamedModel, Playback, Run, aligned
+from rig_sim.compile.compiled_model import DERIVATIVE_SIGNATURE, CompiledModule, NamedModel, Playback, Run, aligned
 from rig_sim.compile.constants import LaneTable
 from rig_sim.compile.expansion import expanded
 from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Method, padded, play_symbol, play_text
 from rig_sim.compile.lanes import MirroredModel, mirrored_model
-from rig_sim.compile.llvm_text import declarations, function_text, vector_kind
+from rig_sim.compile.llvm_text import declarations, model_text, vector_kind
 from rig_sim.compile.tracing import Expression, TracedModel
 from rig_sim.compile.variants import Variants, fused
 
@@ -70,13 +70,7 @@ class PlannedVariants:
         if self.mirrored is not None:
             functions = self.mirrored.text(contract=True, table=table, rigs=rigs)
         else:
-            functions = "\n".join(
-                function_text(name, (traced.state, traced.inputs), results, contract=False, kind=kinds[0], table=table)
-                for name, results in (
-                    ("derivative", (traced.derivative,)),
-                    ("observe", (traced.derivative, traced.outputs)),
-                )
-            )
+            functions = model_text(traced, contract=False, kind=kinds[0], table=table)
         sizes = {"states": len(traced.state), "inputs": len(traced.inputs), "outputs": len(traced.outputs)}
         return "\n".join([declarations(*kinds), functions, play_text(**sizes, rigs=rigs, width=width)])
 
@@ -129,7 +123,7 @@ class LaneModel(NamedModel):
         order = range(len(state_names)) if planned.mirrored is None else planned.mirrored.order
         self._order = np.array(order)
         self._places = np.argsort(self._order)
-        self._observe = OBSERVE_SIGNATURE(self._module.address("observe"))
+        self._derivative = DERIVATIVE_SIGNATURE(self._module.address("derivative"))
         self._play = {method: PLAY_SIGNATURE(self._module.address(play_symbol(method))) for method in Method}
 
     def evaluate(self, variants: Sequence[int], runs: Sequence[Run]) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -138,7 +132,7 @@ class LaneModel(NamedModel):
         state = lanes.spread([self._vector(run.state, self.state_names, "state")[self._order] for run in runs])
         inputs = lanes.spread([self._commands(run.commands)[:, 0] for run in runs])
         derivative, outputs = (aligned((len(names), self.rigs)) for names in (self.state_names, self.output_names))
-        self._observe(*(array.ctypes.data for array in (state, inputs, lanes.table, derivative, outputs)))
+        self._derivative(*(array.ctypes.data for array in (state, inputs, lanes.table, derivative, outputs)))
         derivative = derivative[self._places]
         return [(derivative[:, lane].copy(), outputs[:, lane].copy()) for lane in range(len(runs))]
 

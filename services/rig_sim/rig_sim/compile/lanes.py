@@ -20,6 +20,7 @@ from rig_sim.compile.constants import Entry, Table
 from rig_sim.compile.llvm_text import (
     INFIX,
     Kind,
+    function_text,
     fused_lines,
     half_line,
     joined_lines,
@@ -93,8 +94,7 @@ class LanePlan:
 
     def order(self) -> Iterator[Key | int]:
         """Return vectors (by key) and single numbers (by index), operands first, near the order of creation."""
-        needs = {key: set(self._vector_needs(vector)) for key, vector in self.vectors.items()}
-        needs |= {index: set(self._scalar_needs(node.operands)) for index, node in self.scalars.items()}
+        needs = {item: set(self.needs(item)) for item in (*self.vectors, *self.scalars)}
         users: dict[Key | int, list[Key | int]] = {item: [] for item in needs}
         for item, operands in needs.items():
             for operand in operands:
@@ -121,7 +121,11 @@ class LanePlan:
         except ValueError:
             return False
 
-    def _vector_needs(self, vector: Vector) -> list[Key | int]:
+    def needs(self, item: Key | int) -> list[Key | int]:
+        """Return the vectors and single numbers that a vector or a single number needs."""
+        if not isinstance(item, tuple):
+            return self._scalar_needs(self.scalars[item].operands)
+        vector = self.vectors[item]
         if vector.form is Form.OPERATION or vector.form is Form.SWAP:
             return [key for key in vector.operands if self.vectors[key].form is not Form.CONSTANTS]
         if vector.form is Form.SPLAT or vector.form is Form.GATHER:
@@ -146,6 +150,10 @@ def stripped(expression: Expression) -> tuple[Expression, float]:
     while expression.operation is Operation.NEGATE:
         expression, sign = expression.operands[0], -sign
     return expression, sign
+
+
+def _key(a: Expression, b: Expression) -> Key:
+    return (stripped(a)[0].index, stripped(b)[0].index)
 
 
 def is_worthwhile(plan: LanePlan, results: Sequence[Expression]) -> bool:
@@ -272,16 +280,30 @@ def _plan_scalars(plan: LanePlan, singles: Sequence[Expression]) -> None:
 
 @dataclass(frozen=True)
 class LaneFunction:
-    """A planned function of arrays, ``void name(const double *argument…, double *result…)``.
+    """The planned function of a model: derivatives, then outputs.
 
-    `places` has argument and position of every leaf, by its index. A pair is stored at its position and the next one.
+    `places` has argument and position of every leaf, by its index. `pairs` and `singles` are the results of both. A
+    pair is stored at its position and the next one.
     """
 
-    name: str
     plan: LanePlan
     places: dict[int, tuple[int, int]]
     pairs: tuple[tuple[tuple[int, Expression, Expression], ...], ...]
     singles: tuple[tuple[tuple[int, Expression], ...], ...]
+
+    def parts(self) -> tuple[list[Key | int], list[Key | int]]:
+        """Return what the derivatives need and what only the outputs need, operands first."""
+        plan = self.plan
+        pending: list[Key | int] = [_key(a, b) for _, a, b in self.pairs[0]]
+        pending += [plan.made_as(expression) for _, expression in self.singles[0]]
+        needed: set[Key | int] = set()
+        while pending:
+            item = pending.pop()
+            if item not in needed and (item in plan.vectors or item in plan.scalars):
+                needed.add(item)
+                pending.extend(plan.needs(item))
+        order = list(plan.order())
+        return [item for item in order if item in needed], [item for item in order if item not in needed]
 
     def uses(self) -> Counter[Key | int]:
         """Count the users of each vector and each single number."""
@@ -294,7 +316,7 @@ class LaneFunction:
         for scalar in plan.scalars.values():
             uses.update(plan.made_as(operand) for operand in scalar.operands)
         for pairs, singles in zip(self.pairs, self.singles, strict=True):
-            uses.update((stripped(a)[0].index, stripped(b)[0].index) for _, a, b in pairs)
+            uses.update(_key(a, b) for _, a, b in pairs)
             uses.update(plan.made_as(expression) for _, expression in singles)
         return uses
 
@@ -302,25 +324,13 @@ class LaneFunction:
 def lane_function_text(function: LaneFunction, *, contract: bool, table: Table, rigs: int) -> str:
     """Write one function.
 
-    For several rigs the products that are used only in one sum are fused with it here, and not by the compiler: the
+    If products and sums may be fused, sums of sums are written as one chain, which starts from what is no product: then
+    every product costs nothing but its sum. For several rigs they are fused here, and not by the compiler: the
     roundings must not depend on a vector's width.
     """
     writer = _Writer(function, table, contract=contract, rigs=rigs)
-    for item in function.plan.order():
-        if isinstance(item, tuple):
-            writer.vector(item)
-        else:
-            writer.scalar(item)
-    for array, (pairs, singles) in enumerate(zip(function.pairs, function.singles, strict=True)):
-        for position, a, b in pairs:
-            writer.store(array, position, writer.signed_pair(a, b), writer.two)
-        for position, expression in singles:
-            writer.store(array, position, writer.number(expression), writer.one)
-    parameters = [f"ptr noalias readonly %argument{array}" for array in range(2)]
-    parameters.append(table.parameter)
-    parameters += [f"ptr noalias %result{array}" for array in range(len(function.pairs))]
-    head = f"define void @{function.name}({', '.join(parameters)}) noinline nounwind{writer.two.attributes} {{"
-    return "\n".join([head, *writer.lines, "ret void", "}"])
+    main, outputs = (writer.part(array, items) for array, items in enumerate(function.parts()))
+    return function_text(main, outputs, writer.two, table)
 
 
 class _Writer:
@@ -331,18 +341,29 @@ class _Writer:
         self.two = vector_kind(2 * rigs)
         self.lines: list[str] = []
         self._table = table
+        self._function = function
         self._plan = function.plan
         self._places = function.places
         self._flags = " contract" if contract and rigs == 1 else ""
         self._made: dict[object, str] = {}
-        #: Operand of a sum that is a product and fused with it.
-        self._fused: dict[Key | int, int] = _fused_products(function) if contract and rigs > 1 else {}
-        self._within_sums = {self._operands(item)[place] for item, place in self._fused.items()}
+        self._chains = _Chains.of(function) if contract else _Chains()
+        #: Operand of a scalar sum that is a product and fused with it.
+        self._fused: dict[int, int] = _fused_products(function) if contract and rigs > 1 else {}
+        self._within_sums = {self._plan.scalars[index].operands[place].index for index, place in self._fused.items()}
 
-    def _operands(self, item: Key | int) -> Sequence[Key | int]:
-        if isinstance(item, tuple):
-            return self._plan.vectors[item].operands
-        return [operand.index for operand in self._plan.scalars[item].operands]
+    def part(self, array: int, items: Sequence[Key | int]) -> list[str]:
+        """Return the lines of some vectors and single numbers, and of the stores of an array of results."""
+        begin = len(self.lines)
+        for item in items:
+            if isinstance(item, tuple):
+                self.vector(item)
+            else:
+                self.scalar(item)
+        for position, a, b in self._function.pairs[array]:
+            self.store(array, position, self.signed_pair(a, b), self.two)
+        for position, expression in self._function.singles[array]:
+            self.store(array, position, self.number(expression), self.one)
+        return self.lines[begin:]
 
     def store(self, array: int, position: int, value: str, kind: Kind) -> None:
         pointer = f"%r{array}.{position}"
@@ -370,9 +391,12 @@ class _Writer:
             self._fused_scalar(expression, self._fused[index])
             return
         operands = [self.number(operand) for operand in expression.operands]
+        constants = [self._table.holds(operand) for operand in expression.operands]
         self._once(
             index,
-            lambda name: operation_lines(expression.operation, operands, self._flags, name=name, kind=self.one),
+            lambda name: operation_lines(
+                expression.operation, operands, self._flags, name=name, kind=self.one, constants=constants
+            ),
         )
 
     def _fused_scalar(self, expression: Expression, place: int) -> None:
@@ -387,7 +411,7 @@ class _Writer:
 
     def vector(self, key: Key) -> None:
         vector = self._plan.vectors[key]
-        if vector.form is Form.CONSTANTS or key in self._within_sums:
+        if vector.form is Form.CONSTANTS or key in self._chains.within:
             return
         if vector.form is Form.LOAD:
             self._once(key, lambda name: self._load(vector.expressions[0], name, self.two))
@@ -407,40 +431,74 @@ class _Writer:
     def _operation(self, key: Key, vector: Vector) -> None:
         operation = vector.expressions[0].operation
         if operation in SUMS:
-            self._sum(key, vector)
+            self._sum(key)
             return
         bare = operation in PRODUCTS or operation is Operation.ABS
         operands = [
             self._bare(operand) if bare else self._signed(operand, factor)
             for operand, factor in zip(vector.operands, vector.factors, strict=True)
         ]
-        self._once(key, lambda name: operation_lines(operation, operands, self._flags, name=name, kind=self.two))
+        constants = [self._plan.vectors[operand].form is Form.CONSTANTS for operand in vector.operands]
+        self._once(
+            key,
+            lambda name: operation_lines(
+                operation, operands, self._flags, name=name, kind=self.two, constants=constants
+            ),
+        )
 
-    def _sum(self, key: Key, vector: Vector) -> None:
-        (a, b), (first, second) = vector.operands, vector.factors
-        relative = times(times(self._plan.signs[a], first), times(self._plan.signs[b], second))
-        if key in self._fused:
-            self._fused_sum(key, (a, b), relative)
-            return
-        x, y = self._bare(a), self._bare(b)
-        if relative in {PLUS, _MINUS}:
-            word = INFIX[Operation.ADD if relative == PLUS else Operation.SUBTRACT]
-            self._once(key, lambda name: [f"{name} = {word}{self._flags} {self.two.numbers} {x}, {y}"])
+    def _sum(self, key: Key) -> None:
+        """Write a sum term by term, what is available first first."""
+        products = self._chains.products
+        terms = sorted(self._chains.terms(self._plan, key), key=lambda term: _rank(term[0]))
+        # One term at least has the sign of the sum.
+        first = min(terms, key=lambda term: (term[1] != PLUS, term[0] in products))
+        terms.remove(first)
+        if first[0] not in products:
+            total = self._bare(first[0])
+        elif (other := next((term for term in terms if term[0] not in products), None)) is not None:
+            terms.remove(other)
+            total = self._added_product(first, self._turned(*other))
         else:
-            # The product is exact, so it does not matter whether it is fused.
-            factors = [y, self._constants(relative)]
-            self._once(key, lambda name: fused_lines(factors, x, name=name, kind=self.two))
+            total = self._product(first[0])
+        for term in terms:
+            total = self._added_product(term, total) if term[0] in products else self._added(term, total)
+        self._made[key] = total
 
-    def _fused_sum(self, key: Key, operands: tuple[Key, Key], relative: Signs) -> None:
-        """Write ``a + relative * b``, of which one is a product."""
-        place = self._fused[key]
-        factors = self._plan.vectors[operands[place]].operands
-        # Signs of a constant cost nothing.
-        factors = sorted(factors, key=lambda factor: self._plan.vectors[factor].form is not Form.CONSTANTS)
-        signs = (relative, PLUS) if place == 0 else (PLUS, relative)
-        addend = self._turned(operands[1 - place], signs[0])
-        texts = [self._turned(factors[0], signs[1]), self._bare(factors[1])]
-        self._once(key, lambda name: fused_lines(texts, addend, name=name, kind=self.two))
+    def _added(self, term: _Term, total: str) -> str:
+        """Write a sum and a term."""
+        key, signs = term
+        value = self._bare(key)
+        if signs in {PLUS, _MINUS}:
+            word = INFIX[Operation.ADD if signs == PLUS else Operation.SUBTRACT]
+            return self._new(lambda name: [f"{name} = {word}{self._flags} {self.two.numbers} {total}, {value}"])
+        # The product is exact, so it does not matter whether it is fused.
+        factors = [value, self._constants(signs)]
+        return self._new(lambda name: fused_lines(factors, total, name=name, kind=self.two))
+
+    def _added_product(self, term: _Term, total: str) -> str:
+        """Write a sum and a term that is a product."""
+        key, signs = term
+        first, second = self._factors(key)
+        factors = [self._turned(first, signs), self._bare(second)]
+        if self.one.lanes > 1:
+            return self._new(lambda name: fused_lines(factors, total, name=name, kind=self.two))
+        product = self._new(lambda name: self._product_lines(name, factors))
+        return self._new(lambda name: [f"{name} = fadd{self._flags} {self.two.numbers} {total}, {product}"])
+
+    def _product(self, key: Key) -> str:
+        factors = [self._bare(factor) for factor in self._factors(key)]
+        return self._new(lambda name: self._product_lines(name, factors))
+
+    def _product_lines(self, name: str, factors: Sequence[str]) -> list[str]:
+        return operation_lines(Operation.MULTIPLY, factors, self._flags, name=name, kind=self.two)
+
+    def _factors(self, product: Key) -> Sequence[Key]:
+        """Return the factors of a product, a constant first: its signs cost nothing."""
+        vectors = self._plan.vectors
+        return sorted(vectors[product].operands, key=lambda factor: vectors[factor].form is not Form.CONSTANTS)
+
+    def _new(self, lines: Callable[[str], list[str]]) -> str:
+        return self._once(("part", len(self._made)), lines)
 
     def _bare(self, key: Key) -> str:
         """Return a vector without the signs that its users must apply."""
@@ -497,26 +555,65 @@ class _Writer:
         return self._made[what]
 
 
-def _fused_products(function: LaneFunction) -> dict[Key | int, int]:
-    """Return the sums with a product that nothing else uses, and the product's place among the operands."""
-    plan, uses = function.plan, function.uses()
-    made: dict[Key | int, tuple[Operation, Sequence[Key | int]]] = {
-        key: (vector.expressions[0].operation, vector.operands)
-        for key, vector in plan.vectors.items()
-        if vector.form is Form.OPERATION
-    }
-    made |= {
-        index: (scalar.operation, [operand.index for operand in scalar.operands])
-        for index, scalar in plan.scalars.items()
-    }
-    found: dict[Key | int, int] = {}
-    for item, (operation, operands) in made.items():
-        if operation in SUMS:
+_Term = tuple[Key, Signs]
+
+
+@dataclass(frozen=True)
+class _Chains:
+    """Sums that are written as chains of terms.
+
+    `sums`: Sums that only one sum uses, and which become part of it. `products`: Products that only sums use; each sum
+    computes them itself.
+    """
+
+    sums: frozenset[Key] = frozenset()
+    products: frozenset[Key] = frozenset()
+
+    @classmethod
+    def of(cls, function: LaneFunction) -> _Chains:
+        """Find the sums and products that need not be written by themselves."""
+        uses = function.uses()
+        operations = {key: vector for key, vector in function.plan.vectors.items() if vector.form is Form.OPERATION}
+        sums = {key for key, vector in operations.items() if vector.expressions[0].operation in SUMS}
+        within = Counter(operand for key in sums for operand in operations[key].operands)
+        return cls(
+            sums=frozenset(key for key in sums if uses[key] == within[key] == 1),
+            products=frozenset(
+                key
+                for key, vector in operations.items()
+                if vector.expressions[0].operation is Operation.MULTIPLY and uses[key] == within[key] == 1
+            ),
+        )
+
+    @property
+    def within(self) -> frozenset[Key]:
+        """Vectors that are not written by themselves."""
+        return self.sums | self.products
+
+    def terms(self, plan: LanePlan, key: Key, signs: Signs = PLUS) -> Iterator[_Term]:
+        """Return the terms of a sum, with the signs by which a sum of the vectors as written has them."""
+        vector = plan.vectors[key]
+        first, second = (
+            times(plan.signs[operand], factor) for operand, factor in zip(vector.operands, vector.factors, strict=True)
+        )
+        for operand, relative in zip(vector.operands, (PLUS, times(first, second)), strict=True):
+            if operand in self.sums:
+                yield from self.terms(plan, operand, times(signs, relative))
+            else:
+                yield operand, times(signs, relative)
+
+
+def _fused_products(function: LaneFunction) -> dict[int, int]:
+    """Return the single sums with a product that nothing else uses, and the product's place among the operands."""
+    scalars, uses = function.plan.scalars, function.uses()
+    found: dict[int, int] = {}
+    for index, scalar in scalars.items():
+        if scalar.operation in SUMS:
             # Of two products the one made last, because the other is available earlier.
-            for place in sorted((0, 1), key=lambda place: _rank(operands[place]), reverse=True):
-                product = operands[place]
-                if product in made and made[product][0] is Operation.MULTIPLY and uses[product] == 1:
-                    found[item] = place
+            for place in sorted((0, 1), key=lambda place: scalar.operands[place].index, reverse=True):
+                product = scalar.operands[place].index
+                if product in scalars and scalars[product].operation is Operation.MULTIPLY and uses[product] == 1:
+                    found[index] = place
                     break
     return found
 
@@ -528,14 +625,12 @@ Pair = tuple[int, int]
 class MirroredModel:
     """A model planned in two lanes; `order` is the state at each place of the arrays: pairs first, side by side."""
 
-    functions: tuple[LaneFunction, LaneFunction]
+    function: LaneFunction
     order: tuple[int, ...]
 
     def text(self, *, contract: bool, table: Table, rigs: int = 1) -> str:
-        """Write the functions `derivative` and `observe`, for a number of rigs at a time."""
-        return "\n".join(
-            lane_function_text(function, contract=contract, table=table, rigs=rigs) for function in self.functions
-        )
+        """Write the function of the model, for a number of rigs at a time."""
+        return lane_function_text(self.function, contract=contract, table=table, rigs=rigs)
 
 
 def mirrored_model(traced: TracedModel, constants: Sequence[Expression] = ()) -> MirroredModel | None:
@@ -547,12 +642,9 @@ def mirrored_model(traced: TracedModel, constants: Sequence[Expression] = ()) ->
         pairs = _state_pairs(traced, mirror)
         order = tuple(place for pair in pairs for place in pair)
         order += tuple(place for place in range(len(traced.state)) if place not in set(order))
-        derivative = _function("derivative", traced, mirror, pairs=pairs, order=order)
-        if not is_worthwhile(derivative.plan, traced.derivative):
-            continue
-        observe = _function("observe", traced, mirror, pairs=pairs, order=order)
-        if all(function.plan.is_possible() for function in (derivative, observe)):
-            return MirroredModel((derivative, observe), order)
+        function = _function(traced, mirror, pairs=pairs, order=order)
+        if is_worthwhile(function.plan, (*traced.derivative, *traced.outputs)) and function.plan.is_possible():
+            return MirroredModel(function, order)
     return None
 
 
@@ -561,33 +653,27 @@ def _state_pairs(traced: TracedModel, mirror: Mirror) -> list[Pair]:
     return sorted((places[a.index], places[b.index]) for a, b in mirror.pairs if a.index in places)
 
 
-def _function(
-    name: str, traced: TracedModel, mirror: Mirror, *, pairs: list[Pair], order: tuple[int, ...]
-) -> LaneFunction:
+def _function(traced: TracedModel, mirror: Mirror, *, pairs: list[Pair], order: tuple[int, ...]) -> LaneFunction:
     rates = traced.derivative
     paired = [(2 * place, rates[a], rates[b]) for place, (a, b) in enumerate(pairs)]
     single = [(place, rates[order[place]]) for place in range(2 * len(pairs), len(order))]
-    outputs = list(enumerate(traced.outputs)) if name == "observe" else []
-    output_pairs = _output_pairs([output for _, output in outputs], mirror)
     plan = plan_lanes(
         mirror,
-        pairs=[*((a, b) for _, a, b in paired), *output_pairs],
-        singles=[*(rate for _, rate in single), *(output for _, output in outputs)],
+        pairs=[*((a, b) for _, a, b in paired), *_output_pairs(traced.outputs, mirror)],
+        singles=[*(rate for _, rate in single), *traced.outputs],
         side_by_side=[(traced.state[a].index, traced.state[b].index) for a, b in pairs],
     )
     places = {traced.state[at].index: (0, place) for place, at in enumerate(order)}
     places |= {leaf.index: (1, place) for place, leaf in enumerate(traced.inputs)}
-    with_outputs = name == "observe"
     return LaneFunction(
-        name=name,
         plan=plan,
         places=places,
-        pairs=(tuple(paired), ()) if with_outputs else (tuple(paired),),
-        singles=(tuple(single), tuple(outputs)) if with_outputs else (tuple(single),),
+        pairs=(tuple(paired), ()),
+        singles=(tuple(single), tuple(enumerate(traced.outputs))),
     )
 
 
-def _output_pairs(outputs: list[Expression], mirror: Mirror) -> list[tuple[Expression, Expression]]:
+def _output_pairs(outputs: Sequence[Expression], mirror: Mirror) -> list[tuple[Expression, Expression]]:
     """Pair outputs of both sides, the first in lane 0; they are stored one by one, but computed together."""
     partners: dict[int, Expression] = {}
     for output in outputs:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from rig_sim.compile.constants import Table
 from rig_sim.compile.operations import LEAVES, Operation
-from rig_sim.compile.tracing import Expression, creation_order
+from rig_sim.compile.tracing import Expression, TracedModel, creation_order
 
 SCALAR = "double"
 
@@ -28,6 +28,8 @@ INTRINSICS = {
     Operation.MAXIMUM: "maximum",
 }
 _OPERANDS = {Operation.FUSED: 3, Operation.MINIMUM: 2, Operation.MAXIMUM: 2}
+#: Comparisons by which the first operand is the extreme.
+_EXTREMES = {Operation.MINIMUM: "olt", Operation.MAXIMUM: "ogt"}
 #: 2^n is the double whose exponent's bits, above its 52 others, are n + 1023: which added to 2^52 are a double's last.
 _TO_LAST_BITS = 2.0**52 + 1023.0
 
@@ -121,75 +123,98 @@ def _shuffled(name: str, vectors: tuple[str, str], kind: Kind, places: Sequence[
     return f"{name} = shufflevector {operands}, <{len(places)} x i32> <{mask}>"
 
 
-def function_text(
-    name: str,
-    arguments: Sequence[Sequence[Expression]],
-    results: Sequence[Sequence[Expression]],
-    *,
-    contract: bool,
-    kind: Kind = DOUBLE,
-    table: Table,
-) -> str:
-    """Write a function of arrays of inputs and of results: ``void name(const double *argument…, double *result…)``.
+def function_text(main: Sequence[str], outputs: Sequence[str], kind: Kind, table: Table) -> str:
+    """Write the function of a model: derivatives always, outputs unless they go to null.
+
+    ``void derivative(const double *state, const double *inputs, const double *constants, double *rates,
+    double *outputs)``. One function for both: the code of two would not be in the processor's nearest memory at once.
+    """
+    parameters = ", ".join(
+        [
+            *(f"ptr noalias readonly %argument{array}" for array in range(2)),
+            table.parameter,
+            *(f"ptr noalias %result{array}" for array in range(2)),
+        ]
+    )
+    return "\n".join(
+        [
+            # noinline: the loop that calls it at every stage must not hold as many copies of it
+            f"define void @derivative({parameters}) noinline nounwind{kind.attributes} {{",
+            *main,
+            "%wanted = icmp ne ptr %result1, null",
+            "br i1 %wanted, label %outputs, label %end",
+            "outputs:",
+            *outputs,
+            "br label %end",
+            "end:",
+            "ret void",
+            "}",
+        ]
+    )
+
+
+def model_text(traced: TracedModel, *, contract: bool, kind: Kind = DOUBLE, table: Table) -> str:
+    """Write the function of a model, see `function_text`.
 
     For another kind than doubles every place of an array holds a vector of it. Constants are read from a table.
     """
     flags, numbers = " contract" if contract else "", kind.numbers
     places = {
         expression.index: (array, position)
-        for array, inputs in enumerate(arguments)
+        for array, inputs in enumerate((traced.state, traced.inputs))
         for position, expression in enumerate(inputs)
     }
-    flat_results = [expression for expressions in results for expression in expressions]
-    stores: dict[int, list[tuple[int, int]]] = {}
-    for array, expressions in enumerate(results):
-        for position, expression in enumerate(expressions):
-            stores.setdefault(expression.index, []).append((array, position))
     lines: list[str] = []
     loaded: set[int] = set()
     read: set[int] = set()
+    written: set[int] = set()
 
     def operand(expression: Expression) -> str:
         if table.holds(expression):
             return _constant(expression, kind, table, read=read, lines=lines)
         if expression.operation is Operation.INPUT and expression.index not in loaded:
             if expression.index not in places:
-                raise ValueError(f"The input {expression.name!r} is in no argument of {name}; add it to one.")
+                raise ValueError(f"The input {expression.name!r} is none of the model; add it to its inputs.")
             array, position = places[expression.index]
             loaded.add(expression.index)
             lines.append(f"%p{expression.index} = getelementptr {numbers}, ptr %argument{array}, i64 {position}")
             lines.append(f"%v{expression.index} = load {numbers}, ptr %p{expression.index}, align 8")
         return f"%v{expression.index}"
 
-    def store(expression: Expression) -> None:
-        value = operand(expression)
-        for array, position in stores.pop(expression.index, ()):
-            lines.append(f"%r{array}.{position} = getelementptr {numbers}, ptr %result{array}, i64 {position}")
-            lines.append(f"store {numbers} {value}, ptr %r{array}.{position}, align 8")
+    def write(results: Sequence[Expression], *, array: int) -> list[str]:
+        begin = len(lines)
+        stores: dict[int, list[int]] = {}
+        for position, result in enumerate(results):
+            stores.setdefault(result.index, []).append(position)
 
-    for expression in creation_order(flat_results):
-        if expression.operation in LEAVES:
-            continue  # where they are used
-        lines.extend(
-            operation_lines(
-                expression.operation,
-                [operand(part) for part in expression.operands],
-                flags,
-                name=f"%v{expression.index}",
-                kind=kind,
+        def store(expression: Expression) -> None:
+            value = operand(expression)
+            for position in stores.pop(expression.index, ()):
+                lines.append(f"%r{array}.{position} = getelementptr {numbers}, ptr %result{array}, i64 {position}")
+                lines.append(f"store {numbers} {value}, ptr %r{array}.{position}, align 8")
+
+        for expression in creation_order(results):
+            if expression.operation in LEAVES or expression.index in written:
+                continue  # leaves are read where they are used
+            written.add(expression.index)
+            lines.extend(
+                operation_lines(
+                    expression.operation,
+                    [operand(part) for part in expression.operands],
+                    flags,
+                    name=f"%v{expression.index}",
+                    kind=kind,
+                    constants=[table.holds(part) for part in expression.operands],
+                )
             )
-        )
-        if expression.index in stores:
-            store(expression)
-    for result in flat_results:  # constants and inputs that are results themselves
-        if result.index in stores:
-            store(result)
-    parameters = [f"ptr noalias readonly %argument{array}" for array in range(len(arguments))]
-    parameters.append(table.parameter)
-    parameters += [f"ptr noalias %result{array}" for array in range(len(results))]
-    # noinline: the loop that calls it four times must not hold four copies of it
-    head = f"define void @{name}({', '.join(parameters)}) noinline nounwind{kind.attributes} {{"
-    return "\n".join([head, *lines, "ret void", "}"])
+            if expression.index in stores:
+                store(expression)
+        for result in results:  # constants, inputs and values written before that are results themselves
+            if result.index in stores:
+                store(result)
+        return lines[begin:]
+
+    return function_text(write(traced.derivative, array=0), write(traced.outputs, array=1), kind, table)
 
 
 def _constant(expression: Expression, kind: Kind, table: Table, *, read: set[int], lines: list[str]) -> str:
@@ -202,10 +227,23 @@ def _constant(expression: Expression, kind: Kind, table: Table, *, read: set[int
 
 
 def operation_lines(
-    operation: Operation, operands: Sequence[str], flags: str, *, name: str, kind: Kind = DOUBLE
+    operation: Operation,
+    operands: Sequence[str],
+    flags: str,
+    *,
+    name: str,
+    kind: Kind = DOUBLE,
+    constants: Sequence[bool] = (),
 ) -> list[str]:
-    """Write one operation with its value under this name."""
+    """Write one operation with its value under this name; `constants` tells which operands are constants."""
     numbers = kind.numbers
+    if operation in _EXTREMES and any(constants):
+        # One instruction in place of six: of a constant and a NaN it returns the second operand, so a NaN stays one.
+        bound, value = operands if constants[0] else reversed(operands)
+        return [
+            f"{name}.c = fcmp {_EXTREMES[operation]} {numbers} {bound}, {value}",
+            f"{name} = select {kind.truth} {name}.c, {numbers} {bound}, {numbers} {value}",
+        ]
     if operation in INFIX:
         return [f"{name} = {INFIX[operation]}{flags} {numbers} {operands[0]}, {operands[1]}"]
     if operation is Operation.NEGATE:

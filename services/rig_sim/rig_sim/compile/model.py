@@ -11,7 +11,7 @@ from rig_sim.compile.constants import ConstantTable
 from rig_sim.compile.expansion import expanded
 from rig_sim.compile.integrate import SINGLE_WIDTH, play_text
 from rig_sim.compile.lanes import mirrored_model
-from rig_sim.compile.llvm_text import DOUBLE, PAIR, declarations, function_text, vector_kind
+from rig_sim.compile.llvm_text import DOUBLE, PAIR, declarations, model_text, vector_kind
 from rig_sim.compile.operations import LEAVES
 from rig_sim.compile.tracing import Expression, Graph, Scalar, TracedModel, creation_order
 
@@ -79,7 +79,7 @@ def compile_model(
         if mirrored is not None:
             functions = mirrored.text(contract=contract, table=table)
         else:
-            functions = _scalar_text(written, contract=contract, table=table)
+            functions = model_text(written, contract=contract, table=table)
         loop = play_text(states=len(traced.state), inputs=len(traced.inputs), outputs=len(traced.outputs))
         text = "\n".join([declarations(DOUBLE, PAIR, vector_kind(SINGLE_WIDTH)), functions, loop])
         return CompiledModel(
@@ -95,13 +95,6 @@ def compile_model(
     if not shared:
         return compiled()
     return shared_model(f"{names} {contract} {lanes} {optimization}", table, compiled)
-
-
-def _scalar_text(traced: TracedModel, *, contract: bool, table: ConstantTable) -> str:
-    arguments, rates = (traced.state, traced.inputs), traced.derivative
-    derivative = function_text("derivative", arguments, (rates,), contract=contract, table=table)
-    observe = function_text("observe", arguments, (rates, traced.outputs), contract=contract, table=table)
-    return "\n".join([derivative, observe])
 
 
 def _objects(expressions: tuple[Expression, ...]) -> np.ndarray:

@@ -1,11 +1,12 @@
 """Transcendental functions written out: near every double's value, wherever the argument lies; numpy is the oracle."""
 
 import math
+from fractions import Fraction
 
 import numpy as np
 import pytest
 
-from rig_sim.compile import asin, atan2, compile_model, cos, exp, sin, tanh, trace_model
+from rig_sim.compile import asin, atan2, compile_model, cos, exp, expansion, sin, tanh, trace_model
 from rig_sim.compile.expansion import expanded
 from rig_sim.compile.operations import Operation
 from rig_sim.compile.tracing import creation_order
@@ -76,6 +77,26 @@ def test_axes_and_the_origin_have_their_angles():
 @pytest.mark.parametrize("value", [1.0001, -1.0001, 7.0])
 def test_an_inverse_sine_of_no_sine_is_not_a_number(value):
     assert np.isnan(compiled(asin, np.array([[value]]))).all()
+
+
+@pytest.mark.parametrize(
+    ("polynomial", "series", "squared", "widest"),
+    [
+        (expansion._SINE, lambda k: Fraction((-1) ** k, math.factorial(2 * k + 1)), True, math.pi / 4),
+        (expansion._COSINE, lambda k: Fraction((-1) ** k, math.factorial(2 * k)), True, math.pi / 4),
+        (expansion._EXPONENTIAL, lambda k: Fraction(1, math.factorial(k + 1)), False, math.log(2.0) / 2),
+        (expansion._ARCTANGENT, lambda k: Fraction((-1) ** k, 2 * k + 1), True, math.sqrt(2.0) - 1.0),
+    ],
+    ids=["sine", "cosine", "exponential", "arctangent"],
+)
+def test_a_polynomial_is_its_function_to_a_fifth_of_the_last_digit(polynomial, series, squared, widest):
+    # The functions are sin(x)/x, cos(x), (e^x - 1)/x and atan(x)/x, of x or of its square; Taylor's series of 80 terms.
+    terms = [series(k) for k in range(80)]
+    for x in np.linspace(-widest, widest, 101):
+        variable = Fraction(x) ** 2 if squared else Fraction(x)
+        function = sum(term * variable**k for k, term in enumerate(terms))
+        ours = 1 + variable * sum(Fraction(term) * variable**k for k, term in enumerate(polynomial))
+        assert abs(float(ours / function - 1)) < 0.2 * 2.0**-52
 
 
 def test_nothing_is_left_to_the_library_and_sine_and_cosine_share_their_work():

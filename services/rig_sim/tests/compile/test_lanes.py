@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 from two_sided_models import CHAIN_STATES, INPUTS, OPERATIONS, STATES, chain, looking_across, two_sides
 
-from rig_sim.compile import compile_model, exp, sin, sqrt
+from rig_sim.compile import compile_model, exp, sin, sqrt, trace_model
+from rig_sim.compile.constants import LaneTable
+from rig_sim.compile.lanes import mirrored_model
 
 
 def compiled(model, states=STATES, inputs=INPUTS, **options):
@@ -20,6 +22,30 @@ def test_without_fusing_lanes_give_the_bits_of_the_scalar_code():
     for _ in range(50):
         state, inputs = rng.normal(size=4), rng.normal(size=2)
         np.testing.assert_array_equal(lanes.derivative(state, inputs), scalar.derivative(state, inputs))
+
+
+@pytest.mark.parametrize("signs", [(1.0, 1.0, 1.0), (1.0, -1.0, 1.0), (-1.0, -1.0, -1.0), (-1.0, 1.0, -1.0)])
+def test_a_sum_of_sums_is_one_chain_in_which_products_cost_nothing_but_their_sum(signs):
+    a, b, c = signs
+
+    def side(x, y, k):
+        return (a * (x * (y + k)) + b * (y * (x + k))) - (c * (x * (x - k)) - k * (x + y + k))
+
+    def model(state, inputs):
+        return [side(state[0], state[1], 0.7), inputs[0], side(state[2], state[3], 0.9), inputs[1]], []
+
+    traced = trace_model(model, state_names=STATES, input_names=INPUTS)
+    mirrored = mirrored_model(traced)
+    assert mirrored is not None
+    text = mirrored.text(contract=True, table=LaneTable((), rigs=2), rigs=2)
+    # Of the four products one is where the chain begins; the others are fused with their sums.
+    assert (text.count(" fmul <4 x double>"), text.count("call <4 x double> @llvm.fma")) == (1, 3)
+    lanes = compiled(model)
+    rng = np.random.default_rng(8)
+    for _ in range(30):
+        state, inputs = rng.normal(size=4), rng.normal(size=2)
+        expected = np.array(model(state, inputs)[0], dtype=float)
+        np.testing.assert_allclose(lanes.derivative(state, inputs), expected, rtol=1e-12, atol=1e-13)
 
 
 @pytest.mark.parametrize("edge", [0.0, -0.0, math.nan, math.inf, 1e300])

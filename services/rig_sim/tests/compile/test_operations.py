@@ -99,6 +99,29 @@ def test_nan_is_never_hidden(operation):
         assert math.isnan(operation(*arguments[:, 0].tolist()))
 
 
+@pytest.mark.parametrize("lanes", [1, 2])
+@pytest.mark.parametrize(
+    "bounded",
+    [lambda x: minimum(x, 1.0), lambda x: maximum(-1.0, x), lambda x: clamp(x, -1.0, 1.0)],
+    ids=["minimum", "maximum", "both"],
+)
+def test_a_bound_never_hides_nan(bounded, lanes):
+    # One side alone, or two as a vector, which also compute something worth a vector.
+    def side(x):
+        return bounded(x) + sum(math.sqrt(k) * sin(k * x) for k in range(1, 4))
+
+    model = compile_model(
+        lambda state, inputs: ([side(x) for x in state], []),
+        state_names=[f"x{i}" for i in range(lanes)],
+        input_names=[],
+    )
+    assert model.lanes == lanes
+    assert np.isnan(model.derivative(np.full(lanes, math.nan), [])).all()
+    values = np.linspace(-2.0, 2.0, 9)
+    found = [model.derivative(np.full(lanes, value), [])[-1] for value in values]
+    np.testing.assert_allclose(found, [float(side(value)) for value in values], rtol=1e-14)
+
+
 def test_a_selection_takes_the_negative_side_for_nan():
     assert compiled_values(lambda x: select_positive(x, 1.0, 2.0), np.array([[math.nan]]))[0] == 2.0
     assert select_positive(math.nan, 1.0, 2.0) == 2.0
