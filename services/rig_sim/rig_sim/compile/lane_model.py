@@ -50,7 +50,7 @@ class PlannedVariants:
     @classmethod
     def of(cls, variants: Variants) -> PlannedVariants:
         """Plan how the variants are computed; it depends on no value."""
-        traced = expanded(variants.traced)
+        traced = expanded(variants.traced, wide=True)
         constants = _leaves(traced, variants)
         mirrored = mirrored_model(traced, constants)
         if mirrored is None:
@@ -120,15 +120,23 @@ class LaneModel(NamedModel):
         table = LaneTable(planned.constants, rigs=self.rigs)
         self._module = _module(planned.text(table, width=self.width))
         self._constants = table.content(variants.values)
+        self._last: tuple[tuple[int, ...], _Lanes] | None = None
         order = range(len(state_names)) if planned.mirrored is None else planned.mirrored.order
         self._order = np.array(order)
         self._places = np.argsort(self._order)
         self._derivative = DERIVATIVE_SIGNATURE(self._module.address("derivative"))
         self._play = {method: PLAY_SIGNATURE(self._module.address(play_symbol(method))) for method in Method}
 
+    def _lanes(self, variants: Sequence[int]) -> _Lanes:
+        """Return the lanes of some variants; the blocks of a playback use the same ones."""
+        key = tuple(variants)
+        if self._last is None or self._last[0] != key:
+            self._last = key, _Lanes(self._constants, variants, rigs=self.rigs)
+        return self._last[1]
+
     def evaluate(self, variants: Sequence[int], runs: Sequence[Run]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return derivative and outputs of each run at its state and its first command."""
-        lanes = _Lanes(self._constants, variants, rigs=self.rigs)
+        lanes = self._lanes(variants)
         state = lanes.spread([self._vector(run.state, self.state_names, "state")[self._order] for run in runs])
         inputs = lanes.spread([self._commands(run.commands)[:, 0] for run in runs])
         derivative, outputs = (aligned((len(names), self.rigs)) for names in (self.state_names, self.output_names))
@@ -158,7 +166,7 @@ class LaneModel(NamedModel):
         while live := [run for run in range(len(runs)) if run not in playbacks]:
             # Up to the first end of a run: chunks give the same bits as one call.
             until = min(ends[run] for run in live)
-            lanes = _Lanes(self._constants, [variants[run] for run in live], rigs=self.rigs)
+            lanes = self._lanes([variants[run] for run in live])
             state = lanes.spread([states[run][self._order] for run in live], room=room)
             bounds = lanes.spread([limits[run][self._order] for run in live], room=room)
             command = lanes.spread([commands[run][:, begin : until + 1] for run in live])

@@ -40,6 +40,11 @@ SUMS = frozenset({Operation.ADD, Operation.SUBTRACT})
 #: Operations whose result has the product of the operands' signs.
 PRODUCTS = frozenset({Operation.MULTIPLY, Operation.DIVIDE})
 
+#: Places in the order of creation by which an item comes sooner for each cycle that others wait for it.
+_URGENCY = 5.0
+#: Cycles until a result is there, roughly; others take 4.
+_CYCLES = {Operation.DIVIDE: 16.0, Operation.SQRT: 20.0, Operation.FLOOR: 8.0}
+
 #: Lanes are used if they save at least this share of the operations.
 _WORTHWHILE = 0.1
 
@@ -93,14 +98,23 @@ class LanePlan:
         return total
 
     def order(self) -> Iterator[Key | int]:
-        """Return vectors (by key) and single numbers (by index), operands first, near the order of creation."""
+        """Return vectors (by key) and single numbers (by index), operands first.
+
+        It is near the order of creation, and what long chains of others wait for comes sooner.
+        """
         needs = {item: set(self.needs(item)) for item in (*self.vectors, *self.scalars)}
         users: dict[Key | int, list[Key | int]] = {item: [] for item in needs}
         for item, operands in needs.items():
             for operand in operands:
                 users[operand].append(item)
+        delays = self._delays(needs, users)
+
+        def rank(item: Key | int) -> tuple[float, int, int, Key | int]:
+            created, kind, _ = _rank(item)
+            return (created - _URGENCY * delays.get(item, 0.0), created, kind, item)
+
         waiting = {item: len(operands) for item, operands in needs.items()}
-        ready = [_rank(item) for item, count in waiting.items() if count == 0]
+        ready = [rank(item) for item, count in waiting.items() if count == 0]
         heapq.heapify(ready)
         done = 0
         while ready:
@@ -110,9 +124,31 @@ class LanePlan:
             for user in users[item]:
                 waiting[user] -= 1
                 if waiting[user] == 0:
-                    heapq.heappush(ready, _rank(user))
+                    heapq.heappush(ready, rank(user))
         if done < len(needs):
             raise ValueError(f"{len(needs) - done} vectors of the lanes need each other; compute the model unpaired.")
+
+    def _delays(
+        self, needs: Mapping[Key | int, set[Key | int]], users: Mapping[Key | int, Sequence[Key | int]]
+    ) -> dict[Key | int, float]:
+        """Return the longest chain of each item and its users, in cycles; none for items that need each other."""
+        delays: dict[Key | int, float] = {}
+        waiting = {item: len(others) for item, others in users.items()}
+        ready = [item for item, count in waiting.items() if count == 0]
+        while ready:
+            item = ready.pop()
+            delays[item] = self._cycles(item) + max((delays[user] for user in users[item]), default=0.0)
+            for operand in needs[item]:
+                waiting[operand] -= 1
+                if waiting[operand] == 0:
+                    ready.append(operand)
+        return delays
+
+    def _cycles(self, item: Key | int) -> float:
+        if not isinstance(item, tuple):
+            return _CYCLES.get(self.scalars[item].operation, 4.0)
+        vector = self.vectors[item]
+        return _CYCLES.get(vector.expressions[0].operation, 4.0) if vector.form is Form.OPERATION else 1.0
 
     def is_possible(self) -> bool:
         """Return whether no two vectors need each other: else the mirror is not usable."""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from rig_sim.compile.constants import Table
-from rig_sim.compile.operations import LEAVES, Operation
+from rig_sim.compile.operations import INVERSE_SQRT_BITS, LEAVES, Operation
 from rig_sim.compile.tracing import Expression, TracedModel, creation_order
 
 SCALAR = "double"
@@ -253,14 +253,30 @@ def operation_lines(
             f"{name}.c = fcmp oge {numbers} {operands[0]}, {kind.constant(literal(0.0))}",
             f"{name} = select {kind.truth} {name}.c, {numbers} {operands[1]}, {numbers} {operands[2]}",
         ]
-    if operation is Operation.POWER_OF_TWO:
-        return [
-            f"{name}.n = fadd {numbers} {operands[0]}, {kind.constant(literal(_TO_LAST_BITS))}",
-            f"{name}.b = bitcast {numbers} {name}.n to {kind.bits}",
-            f"{name}.e = shl {kind.bits} {name}.b, {kind.constant('52', element='i64')}",
-            f"{name} = bitcast {kind.bits} {name}.e to {numbers}",
-        ]
+    if operation is Operation.POWER_OF_TWO or operation is Operation.INVERSE_SQRT_ESTIMATE:
+        return _bit_lines(operation, operands[0], name=name, kind=kind)
     if operation not in INTRINSICS:
         raise ValueError(f"A {operation.value} is no operation of the processor; write it out before.")
     arguments = ", ".join(f"{numbers} {operand}" for operand in operands)
     return [f"{name} = call{flags} {numbers} @llvm.{INTRINSICS[operation]}.{kind.suffix}({arguments})"]
+
+
+def _bit_lines(operation: Operation, operand: str, *, name: str, kind: Kind) -> list[str]:
+    """Write an operation on the bits of numbers."""
+
+    def bits(value: int) -> str:
+        return kind.constant(str(value), element="i64")
+
+    if operation is Operation.POWER_OF_TWO:
+        lines = [
+            f"{name}.n = fadd {kind.numbers} {operand}, {kind.constant(literal(_TO_LAST_BITS))}",
+            f"{name}.b = bitcast {kind.numbers} {name}.n to {kind.bits}",
+            f"{name}.e = shl {kind.bits} {name}.b, {bits(52)}",
+        ]
+    else:
+        lines = [
+            f"{name}.b = bitcast {kind.numbers} {operand} to {kind.bits}",
+            f"{name}.h = lshr {kind.bits} {name}.b, {bits(1)}",
+            f"{name}.e = sub {kind.bits} {bits(INVERSE_SQRT_BITS)}, {name}.h",
+        ]
+    return [*lines, f"{name} = bitcast {kind.bits} {name}.e to {kind.numbers}"]

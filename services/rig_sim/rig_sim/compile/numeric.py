@@ -27,6 +27,8 @@ def _evaluate(operation: Operation, *arguments: Scalar) -> Any:
 
 
 sqrt = partial(_evaluate, Operation.SQRT)
+#: One over the square root of a number above 0; in the lanes of vectors it takes a fifth of the time of both.
+inverse_sqrt = partial(_evaluate, Operation.INVERSE_SQRT)
 tanh = partial(_evaluate, Operation.TANH)
 exp = partial(_evaluate, Operation.EXP)
 absolute = partial(_evaluate, Operation.ABS)

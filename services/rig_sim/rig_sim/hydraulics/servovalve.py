@@ -8,7 +8,7 @@ from typing import Annotated, Any, NamedTuple
 from pydantic import Field
 from pydantic.dataclasses import dataclass as parameters
 
-from rig_sim.compile import clamp, maximum, select_positive, sqrt
+from rig_sim.compile import clamp, inverse_sqrt, maximum, select_positive, sqrt
 from rig_sim.parameters import STRICT, NotNegative, Positive
 
 
@@ -53,7 +53,7 @@ def signed_root(ratio: Any) -> Any:
 
     The turbulent law has an infinite slope at zero; flow through a real orifice turns laminar there.
     """
-    return ratio / sqrt(sqrt(ratio * ratio + 1.0e-4))
+    return ratio * inverse_sqrt(sqrt(ratio * ratio + 1.0e-4))
 
 
 def edge_opening(valve: Servovalve, travel: Any) -> Any:

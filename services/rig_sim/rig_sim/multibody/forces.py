@@ -7,7 +7,7 @@ from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from rig_sim.compile import sqrt
+from rig_sim.compile import inverse_sqrt
 from rig_sim.multibody.kinematics import Motion
 from rig_sim.multibody.spatial import (
     Array,
@@ -110,9 +110,10 @@ def stretch(motion: Motion, body_a: int, point_a: np.ndarray, body_b: int, point
     a, velocity_a = motion.point(body_a, point_a)
     b, velocity_b = motion.point(body_b, point_b)
     along = b - a
-    length = sqrt(dot(along, along))
-    direction = along * (1.0 / length)
-    return a, b, direction, length, dot(direction, velocity_b - velocity_a)
+    square = dot(along, along)
+    inverse = inverse_sqrt(square)
+    direction = along * inverse
+    return a, b, direction, square * inverse, dot(direction, velocity_b - velocity_a)
 
 
 def add_linear_elements(tree: MultibodyTree, motion: Motion, wrenches: list[Spatial]) -> None:

@@ -29,15 +29,16 @@ class SimulatedPlayback(DrivePlayback):
             block_samples=block_samples,
         )
         self._noise = np.random.default_rng(seed)
-        self._noise_rms = np.array([channel.noise_rms for channel in specimen.responses])[:, None]
+        self._noise_rms = np.array([channel.noise_rms for channel in specimen.responses])
         channels = [channel.name for channel in specimen.responses]
         self._sensors = FaultySensors(faults, channels=channels, sample_rate=specimen.sample_rate, seed=seed)
 
     def _sensed(self, first_sample: int, response: np.ndarray) -> np.ndarray:
         """Return the sensor readings of a response (responses, samples)."""
         # One row of noise per sample: the same numbers for any division of the record into blocks.
-        noise = self._noise.standard_normal(response.shape[::-1]).T
-        return self._sensors.inject_faults(first_sample, response + self._noise_rms * noise)
+        noise = self._noise.standard_normal(response.shape[::-1])
+        noise *= self._noise_rms
+        return self._sensors.inject_faults(first_sample, response + noise.T)
 
 
 class FaultySensors:

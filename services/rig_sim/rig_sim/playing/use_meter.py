@@ -60,18 +60,22 @@ class UseMeter:
             self._samples_waiting -= self._waiting.pop()[1].shape[1]
 
     def _count_waiting(self) -> None:
-        following = np.hstack([error[self._driven] for error, _ in self._waiting])
+        following = _joined([error[self._driven] for error, _ in self._waiting])
         valve, load, supply = (
-            np.hstack([outputs[rows] for _, outputs in self._waiting])
+            _joined([outputs[rows] for _, outputs in self._waiting])
             for rows in (self._valve, self._load_pressure, self._supply_pressure)
         )
         self._waiting.clear()
         self._samples_waiting = 0
         valve, load = np.abs(valve), np.abs(load)
-        at_its_end = (valve >= self._largest_opening) | (load >= FULL_LOAD_PRESSURE)
-        self._saturated += at_its_end.sum(axis=1)
+        largest_load = load.max(axis=1)
+        if (
+            valve.max(axis=1, keepdims=True) >= self._largest_opening
+        ).any() or largest_load.max() >= FULL_LOAD_PRESSURE:
+            at_its_end = (valve >= self._largest_opening) | (load >= FULL_LOAD_PRESSURE)
+            self._saturated += at_its_end.sum(axis=1)
         np.maximum(self._following, np.abs(following).max(axis=1), out=self._following)
-        np.maximum(self._load, load.max(axis=1), out=self._load)
+        np.maximum(self._load, largest_load, out=self._load)
         np.minimum(self._supply, supply.min(axis=1), out=self._supply)
 
     def uses(self, peak_ratios: Sequence[float], *, samples: int) -> list[Use]:
@@ -97,6 +101,11 @@ class UseMeter:
                 )
             )
         return uses
+
+
+def _joined(blocks: Sequence[np.ndarray]) -> np.ndarray:
+    """Return blocks (rows, samples) as one, without a copy of a single one."""
+    return blocks[0] if len(blocks) == 1 else np.hstack(blocks)
 
 
 def _rows(places: Iterable[int]) -> slice | np.ndarray:

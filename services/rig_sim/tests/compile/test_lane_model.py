@@ -16,6 +16,7 @@ from rig_sim.compile import (
     compile_model,
     cos,
     fingerprint,
+    inverse_sqrt,
     maximum,
     select_positive,
     sin,
@@ -265,3 +266,26 @@ def test_a_vector_is_one_register_where_the_processor_has_it(width, register):
     assert set(re.findall(r"vmulpd.*%([xyz]mm)\d+$", text, flags=re.M)) == {register}
     derivative = text[text.index("\nderivative:") : text.index("\nplay_")]
     assert "call" not in derivative  # for no function of a single lane
+
+
+@pytest.mark.parametrize("width", WIDTHS)
+def test_one_over_a_root_is_right_to_two_units_in_the_last_place_without_division(width):
+    names = {"state_names": ("x",), "input_names": ()}
+    variants = unite(
+        [model := trace_model(lambda state, inputs: ([inverse_sqrt(state[0])], []), **names)], [fingerprint(model)]
+    )
+    planned = PlannedVariants.of(variants)
+    text = planned.text(LaneTable(planned.constants, rigs=width), width=width)
+    assert not re.search(r"fdiv|call.*@llvm\.sqrt", text[text.index("@derivative") : text.index("\n}")])
+    lanes = LaneModel(variants, runs=width, widest=width, output_names=(), **names)
+
+    def at(numbers):
+        runs = [Run(np.array([number]), np.zeros((0, 1))) for number in numbers]
+        groups = [runs[begin : begin + width] for begin in range(0, len(runs), width)]
+        return np.array([rates[0] for group in groups for rates, _ in lanes.evaluate([0] * len(group), group)])
+
+    numbers = np.concatenate([10.0 ** np.random.default_rng(2).uniform(-300.0, 300.0, 400), 4.0 ** np.arange(-8, 8)])
+    expected = 1.0 / np.sqrt(numbers)
+    assert np.max(np.abs(at(numbers) - expected) / np.spacing(expected)) <= 2
+    assert np.isnan(at([np.nan])).all()
+    assert not np.isfinite(at([np.inf])).any()

@@ -14,6 +14,7 @@ from rig_sim.compile import (
     compile_model,
     cos,
     exp,
+    inverse_sqrt,
     maximum,
     minimum,
     select_positive,
@@ -39,6 +40,7 @@ UNARY = [
     (abs, np.abs, REALS, 0.0),
     (absolute, np.abs, REALS, 0.0),
     (sqrt, np.sqrt, np.abs(REALS), 0.0),
+    (inverse_sqrt, lambda x: 1.0 / np.sqrt(x), np.abs(REALS[REALS != 0.0]), 0.0),
     (sin, np.sin, np.concatenate([ANGLES, RANDOM]), 4 * ONE_ULP),
     (cos, np.cos, np.concatenate([ANGLES, RANDOM]), 4 * ONE_ULP),
     (tanh, np.tanh, REALS, 4 * ONE_ULP),
@@ -89,7 +91,9 @@ def test_a_binary_operation_gives_what_numpy_gives(operation, oracle, values, to
     np.testing.assert_allclose(plain, expected, rtol=tolerance, atol=5e-324)
 
 
-@pytest.mark.parametrize("operation", [sqrt, minimum, maximum, clamp, abs, sin, cos, tanh, exp, asin, atan2])
+@pytest.mark.parametrize(
+    "operation", [sqrt, inverse_sqrt, minimum, maximum, clamp, abs, sin, cos, tanh, exp, asin, atan2]
+)
 def test_nan_is_never_hidden(operation):
     arity = {minimum: 2, maximum: 2, atan2: 2, clamp: 3}.get(operation, 1)
     for place in range(arity):
