@@ -189,7 +189,7 @@ _STREAMS_NOTE = """
 Zenoh alone, without numbers, spool and replay and dropping what a link has no room for, published
 {bus[burst_bare][rate]:,.0f} blocks/s for a second and was held up for {bus[sustained_bare][longest_put]:.3f} s at most
 at the rate of the minute; through a bare pipe to an MCAP file, which drops nothing, went {bus[pipe][bare_rate]:,.0f}
-blocks/s. The host of this machine took {100 * bus[sustained][stolen_share]:.0f} % of its busy processors in that
+blocks/s. The host of this machine took {bus[sustained][stolen_share]:.0%} of its busy processors in that
 minute.
 """
 _CAMPAIGN_NOTE = """

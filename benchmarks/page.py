@@ -81,7 +81,7 @@ def _goal_tables(document: dict[str, Any]) -> list[str]:
 
 def _note(title: str, document: dict[str, Any]) -> str:
     try:
-        return NOTES.get(title, "").format_map(document).strip()
+        return NOTES.get(title, "").format_map(document).strip().replace("%", " %")
     except KeyError:
         return ""  # A file of before has not all that it tells of.
 

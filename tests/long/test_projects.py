@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -55,9 +56,12 @@ def bytes_of(folder: Path) -> int:
 
 
 def command(path: Path, out: Path) -> subprocess.Popen[str]:
-    arguments = [sys.executable, "-m", "duralab", "run", str(path), "--out", str(out)]
+    return started([sys.executable, "-m", "duralab", "run", str(path), "--out", str(out)], folder=path.parent)
+
+
+def started(arguments: list[str], *, folder: Path) -> subprocess.Popen[str]:
     return subprocess.Popen(
-        arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=path.parent, start_new_session=True
+        arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, cwd=folder, start_new_session=True
     )
 
 
@@ -122,6 +126,35 @@ def test_killed_at_seeded_moments_it_ends_with_the_same_bytes(tmp_path: Path, un
         assert samples_of(out) == expected, moment
 
 
+@pytest.mark.timeout(2 * SECONDS)
+def test_a_killed_script_goes_on_with_the_recordings_of_its_lab(tmp_path: Path, undisturbed: Path) -> None:
+    lines = [
+        "import duralab",
+        "from duralab.campaign import load_project",
+        f"project = load_project({str(project(tmp_path))!r})",
+        f"with duralab.start(rigs=project.rigs, out={str(tmp_path / 'lab')!r}) as lab:",
+        "    print(lab.run_project(project))",
+    ]
+    script, recordings = tmp_path / "script.py", tmp_path / "lab" / "recordings"
+    script.write_text("\n".join(lines) + "\n")
+    killed = started([sys.executable, str(script)], folder=tmp_path)
+    until = time.monotonic() + SECONDS
+    while bytes_of(recordings) < 0.4 * sum(bytes_of(undisturbed / name) for name in EVENTS):
+        assert killed.poll() is None, "the project ended before it was killed"
+        assert time.monotonic() < until, "nothing is recorded"
+        time.sleep(0.01)
+    kill_all(killed)
+    in_work = max(recordings.glob("*.mcap"), key=lambda path: path.stat().st_mtime).stem
+    at = time.time_ns()
+    again = started([sys.executable, str(script)], folder=tmp_path)
+    said, _ = again.communicate(timeout=SECONDS)
+    assert again.returncode == 0, said
+    out = tmp_path / "lab" / "front_axle_events"
+    assert samples_of(out) == samples_of(undisturbed)
+    begun = duralab.open_recording(out / in_work.removeprefix("front_axle_events-") / "recording.mcap").begun
+    assert 0 < begun < at, "the event was made again from its beginning"
+
+
 def test_what_is_there_is_read_and_other_settings_are_refused(undisturbed: Path, tmp_path: Path) -> None:
     out = undisturbed
     before = {name: (out / name / "recording.mcap").stat().st_mtime_ns for name in EVENTS}
@@ -156,7 +189,10 @@ def test_two_rigs_share_the_events_and_a_missed_one_is_told(tmp_path: Path) -> N
 
 
 @pytest.mark.timeout(SECONDS)
-def test_a_rig_is_identified_once_also_where_events_miss_their_targets_or_end_early(tmp_path: Path) -> None:
+@pytest.mark.parametrize("connected", [False, True], ids=["own lab", "connected lab"])
+def test_a_rig_is_identified_once_also_where_events_miss_their_targets_or_end_early(
+    tmp_path: Path, *, connected: bool
+) -> None:
     plan = yaml.safe_load(project(tmp_path).read_text())
     # The first one ends early: its budget of damage leaves no room for a playback after the identification.
     plan["events"]["rough_road"] |= {"priority": 2, "stop": {"iterations": 2, "damage_budget": 1e-6}}
@@ -169,8 +205,11 @@ def test_a_rig_is_identified_once_also_where_events_miss_their_targets_or_end_ea
     stale.parent.mkdir(parents=True)
     stale.write_text("1 10 rough_road.drv\n")
     stale.with_suffix(".drv").write_bytes(b"of an earlier run")
-    with duralab.start(rigs=found.rigs, out=tmp_path / "out") as lab:
-        result = lab.run_project(found)
+    with (
+        duralab.start(rigs=found.rigs, out=tmp_path / "out") as own,
+        duralab.connect(own.endpoints[0]) if connected else nullcontext(own) as lab,
+    ):
+        result = lab.run_project(found, out=tmp_path / "out" / "front_axle_events")
     first, *others = result.events
     assert "damage" in first.error
     assert [event.started_from for event in result.events] == ["", "rough_road", "rough_road"]
@@ -181,4 +220,6 @@ def test_a_rig_is_identified_once_also_where_events_miss_their_targets_or_end_ea
         # One playback, and no run of an identification.
         assert len(list(recording.messages(recorder_pb2.RunPlanned))) == 1
     assert result.order_path is None
+    assert "0 of 3 events reached their targets" in result.sentence
+    assert "no drives are written" in result.sentence
     assert list(stale.parent.iterdir()) == []

@@ -13,7 +13,7 @@ import numpy as np
 
 from duralab.campaign import Campaign, EditStep, StartFrom, Stretch, Taper, TaperLevel
 from duralab.data import Rig, Signals
-from duralab.errors import InputError
+from duralab.errors import InputError, LabError
 from duralab.lab.campaign_result import CampaignResult
 from duralab.lab.campaign_running import recording_file
 from duralab.lab.client import LabClient, require_one
@@ -160,6 +160,16 @@ def _first_drive(given: str, *, ask: LabClient, rig: Rig, folder: Path) -> tuple
         )
     with _recording(given, ask=ask, folder=folder, field=field) as recording:
         return best_playback(recording, name=given, field=field)
+
+
+def holds_model(id: str, *, ask: LabClient) -> bool:
+    """Return whether the lab's recorder has a recording of this id that is closed and holds a model."""
+    try:
+        with _recording(id, ask=ask, folder=Path(), field="start_from.model") as recording:
+            return recording.model is not None
+    except LabError:
+        # Of a campaign that ended early perhaps not even the beginning was recorded.
+        return False
 
 
 @contextmanager

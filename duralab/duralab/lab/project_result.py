@@ -92,6 +92,7 @@ class ProjectResult:
         missed = [event.event.name for event in self.events if not event.reached]
         what = f"{len(self.events) - len(missed)} of {len(self.events)} events reached their targets"
         rest = f"; not {', '.join(missed)}" if missed else ""
+        rest += ", and no drives are written" if len(missed) == len(self.events) else ""
         return f"Project {self.name}: {what} in {self.playbacks} playbacks{rest}."
 
     def rows(self) -> tuple[Sequence[str], list[tuple[str, ...]]]:

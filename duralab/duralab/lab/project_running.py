@@ -17,6 +17,7 @@ from duralab.lab.campaign_starting import MadeTarget, StartingLab, made_target, 
 from duralab.lab.client import Deadline
 from duralab.lab.event_order import RESEMBLES, Likeness, likeness, nearest, ordered
 from duralab.lab.fetching import fetch_files
+from duralab.lab.known_before import holds_model
 from duralab.lab.progress import OnProgress, RunProgress
 from duralab.lab.project_drives import write_drives
 from duralab.lab.project_result import EventResult, ProjectResult
@@ -144,19 +145,22 @@ def _of_event(run: _Run, event: Event, plan: Campaign, target: MadeTarget, *, st
         return EventResult(event, None, started_from, error=str(error))
 
 
-def _recorded_model(run: _Run, result: EventResult) -> Path | None:
-    """Return the recording of an event with a model of its rig, also if the event ended early; None without a model."""
+def _recorded_model(run: _Run, result: EventResult) -> str | None:
+    """Return path or id of an event's recording with a model, also if the event ended early; None without a model."""
     done, id = result.result, result.event.campaign.name
     path = done.recording_path if done is not None else run.lab.place.file(id)
+    if path is None:
+        # The recorder of a lab that this process did not start has it.
+        return id if holds_model(id, ask=run.lab.ask) else None
     try:
-        return path.resolve() if path is not None and open_recording(path).model is not None else None
+        return str(path.resolve()) if open_recording(path).model is not None else None
     except InputError:
         # Of an event that ended early perhaps not even the beginning was recorded.
         return None
 
 
 def _from_nearest(
-    plan: Campaign, near: list[CampaignResult], *, model: Path | None, explained: float, target: MadeTarget
+    plan: Campaign, near: list[CampaignResult], *, model: str | None, explained: float, target: MadeTarget
 ) -> Campaign:
     """Return an event's campaign that starts from a model and the nearest results, the nearest last.
 
@@ -165,7 +169,7 @@ def _from_nearest(
     before = plan.start_from or StartFrom()
     changes: dict[str, object] = {}
     if model is not None and before.model is None:
-        changes["model"] = str(model)
+        changes["model"] = model
     if near:
         changes["learn_from"] = (*before.learn_from, *(each.specification.id for each in near))
         closest = near[-1]
@@ -209,7 +213,10 @@ def _resumed(run: _Run, event: Event) -> CampaignResult | None:
     """Resume or fetch an event's recording of this recorder, or of a killed one; None if there is no recording."""
     ask, place, id = run.lab.ask, run.lab.place, event.campaign.name
     if place.folder is not None and place.file(id) is None:
-        left = [path for path in run.folder.glob(f"{RECORDINGS}*/{id}.mcap") if path.parent != place.folder]
+        # The command starts its lab in the project's folder, a script perhaps in another one.
+        places = {run.folder, place.folder.parent}
+        left = [path for folder in places for path in folder.glob(f"{RECORDINGS}*/{id}.mcap")]
+        left = [path for path in left if path.parent != place.folder]
         for path in sorted(left, key=lambda path: path.stat().st_mtime)[-1:]:
             place.copy_in(open_recording(path))
     try:
@@ -262,7 +269,8 @@ def _require_same_target(run: _Run, event: Event, target: MadeTarget) -> None:
 
 def _concluded(run: _Run, results: tuple[EventResult, ...]) -> ProjectResult:
     """Write the report and the drives of all events that have a result."""
-    result = ProjectResult(run.project.name, results)
+    order_path = write_drives(run.project, results, run.folder / "drives")
+    result = ProjectResult(run.project.name, results, order_path=order_path)
     made = [each for each in results if each.result is not None]
     if not made:
         return result
@@ -282,4 +290,4 @@ def _concluded(run: _Run, results: tuple[EventResult, ...]) -> ProjectResult:
             if each.result is not None
         ],
     )
-    return replace(result, report_path=report, order_path=write_drives(run.project, results, run.folder / "drives"))
+    return replace(result, report_path=report)
