@@ -129,10 +129,11 @@ class LaneModel(NamedModel):
 
     def _lanes(self, variants: Sequence[int]) -> _Lanes:
         """Return the lanes of some variants; the blocks of a playback use the same ones."""
-        key = tuple(variants)
-        if self._last is None or self._last[0] != key:
-            self._last = key, _Lanes(self._constants, variants, rigs=self.rigs)
-        return self._last[1]
+        # Read and written once: another thread may play a batch, too.
+        last, key = self._last, tuple(variants)
+        if last is None or last[0] != key:
+            last = self._last = key, _Lanes(self._constants, variants, rigs=self.rigs)
+        return last[1]
 
     def evaluate(self, variants: Sequence[int], runs: Sequence[Run]) -> list[tuple[np.ndarray, np.ndarray]]:
         """Return derivative and outputs of each run at its state and its first command."""
