@@ -14,7 +14,7 @@ import numpy as np
 from duralab.arguments import real_numbers, require_seed, require_switch, require_text
 from duralab.data import LARGEST_RATE_ERROR, Played, Rig, RigState, Signals, actuator_use
 from duralab.errors import InputError, LabError, LabTimeoutError, StoppedError, ended
-from duralab.formats import convert_units, named_units, read_signals
+from duralab.formats import LEFT_OUT, convert_units, named_units, read_signals
 from duralab.lab.client import Deadline, LabClient
 from duralab.lab.progress import RunProgress, Stage
 from duralab_proto.arrays import ArrayError
@@ -125,7 +125,8 @@ def read_drive_file(path: Path, rig: Rig, *, units: Sequence[str] = ()) -> Signa
     """Read a drive from a file of any format of `duralab.formats`, in the rig's order and units.
 
     Channels have the names of the rig's drives, in any order. `units`: One unit for all channels without a unit in the
-    file, or "<channel>=<unit>", which replaces the file's unit of that channel.
+    file, or "<channel>=<unit>", which replaces the file's unit of that channel. The attribute `LEFT_OUT` names channels
+    of the file that are not numbers.
     """
     signals = read_signals(path)
     wanted = {channel.name: channel for channel in rig.drives}
@@ -148,7 +149,8 @@ def read_drive_file(path: Path, rig: Rig, *, units: Sequence[str] = ()) -> Signa
     given = replace(signals, channels=tuple(signals.channels[row] for row in rows), samples=signals.samples[rows])
     labelled = _with_units(given, units, path=path, rig=rig)
     converted = convert_units(labelled, {channel.name: channel.unit for channel in rig.drives})
-    return Signals(rig.drives, rig.sample_rate, converted.samples)
+    told = {key: text for key, text in signals.attributes.items() if key == LEFT_OUT}
+    return Signals(rig.drives, rig.sample_rate, converted.samples, attributes=told)
 
 
 def _with_units(given: Signals, units: Sequence[str], *, path: Path, rig: Rig) -> Signals:

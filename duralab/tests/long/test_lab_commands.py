@@ -11,6 +11,7 @@ import yaml
 from ended_processes import wait_until_gone
 from fake_lab import response_to
 from test_cli import finish, invoke, start_up
+from test_foreign_files import mdf
 
 from duralab import Channel, Signals
 from duralab.formats import read_frequency_response, read_signals, write_signals
@@ -92,6 +93,20 @@ def test_a_drive_file_is_played_and_its_response_written(lab, drive, tmp_path, s
     wanted = response_to(metres)
     np.testing.assert_allclose(response.samples[:, :2000], wanted, atol=1e-3 * np.abs(wanted).max())
     assert told["channels"][0]["peak"] == pytest.approx(np.abs(wanted[0]).max())
+
+
+def test_text_that_is_left_out_of_a_drive_file_is_named(lab, drive, tmp_path):
+    given = read_signals(drive[0])
+    time = np.arange(2000) / 1000
+    numbers = [(name, time, row) for name, row in zip(given.names, given.samples, strict=True)]
+    path = mdf(tmp_path, [*numbers, ("gear", time, np.full(2000, b"D"))])
+    units = [part for name in given.names for part in ("--unit", f"{name}=mm")]
+    note = "Channels that are not real numbers are left out: gear."
+    code, stdout, stderr = invoke("play", "front_axle", path, *units)
+    assert code == 0, stderr
+    assert note in stdout
+    code, stdout, _ = invoke("play", "front_axle", path, *units, "--replace", "--json")
+    assert json.loads(stdout)["notes"] == [note]
 
 
 @pytest.mark.parametrize(

@@ -51,7 +51,7 @@ def play(
 ) -> None:
     """Play a drive file on a rig and write its response; in a private lab if none runs."""
     from duralab.cli.run_display import RunDisplay
-    from duralab.formats import format_of, write_signals
+    from duralab.formats import LEFT_OUT, format_of, write_signals
     from duralab.lab import Stage, read_drive_file
     from duralab.output_files import require_outputs
 
@@ -66,12 +66,14 @@ def play(
         with RunDisplay(output.console, stages=(Stage.PLAYBACK,)) as display:
             played = lab.play(rig, signals, seed=seed, real_time=real_time, on_progress=display.show)
     written = write_signals(played.response, path, overwrite=replace)
+    notes = [signals.attributes[LEFT_OUT]] if LEFT_OUT in signals.attributes else []
+    notes += written.notes
     what = f"{path}: {played.response.duration:g} s of {len(played.response.channels)} responses"
-    output.say(str(played), what, *written.notes)
-    output.document(_response_document(rig, played, written))
+    output.say(str(played), what, *notes)
+    output.document(_response_document(rig, played, written, notes))
 
 
-def _response_document(rig: str, played: Played, written: Written) -> dict[str, object]:
+def _response_document(rig: str, played: Played, written: Written, notes: list[str]) -> dict[str, object]:
     import numpy as np
 
     response = played.response
@@ -80,7 +82,7 @@ def _response_document(rig: str, played: Played, written: Written) -> dict[str, 
         "run": played.run,
         "response": written.path,
         "format": written.format,
-        "notes": list(written.notes),
+        "notes": notes,
         "seconds": response.duration,
         "sample_rate": response.sample_rate,
         "real_time_factor": played.real_time_factor,
