@@ -127,7 +127,7 @@ def test_killed_at_seeded_moments_it_ends_with_the_same_bytes(tmp_path: Path, un
 
 
 @pytest.mark.timeout(2 * SECONDS)
-def test_a_killed_script_goes_on_with_the_recordings_of_its_lab(tmp_path: Path, undisturbed: Path) -> None:
+def test_a_killed_script_continues_with_the_recordings_of_its_lab(tmp_path: Path, undisturbed: Path) -> None:
     lines = [
         "import duralab",
         "from duralab.campaign import load_project",

@@ -157,8 +157,8 @@ PLAY_SIGNATURE = ctypes.CFUNCTYPE(
     *(ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_void_p, ctypes.c_int64),
     *(ctypes.c_int64, ctypes.c_int64, ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p),
 )
-#: Doubles in a vector of the loop for one rig: two pairs of mirrored states. Eight at once wait longer for the pairs
-#: that an evaluation stored last, and a playback takes 7 to 12 % more time.
+#: Doubles in a vector of the loop for one rig: two pairs of mirrored states. With eight a playback takes 7 to 12 % more
+#: time (decision 45).
 SINGLE_WIDTH: Final = 4
 
 

@@ -329,8 +329,8 @@ _Term = tuple[Key, Signs]
 class _Chains:
     """Sums that are written as chains of terms.
 
-    `sums`: Sums that only one sum uses, and which become part of it. `products`: Products that only sums use; each sum
-    computes them itself.
+    `sums`: Sums that only one sum uses, and which become part of it. `products`: Products that only one sum uses, and
+    which are fused with it.
     """
 
     sums: frozenset[Key] = frozenset()

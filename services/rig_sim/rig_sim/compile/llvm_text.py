@@ -174,7 +174,7 @@ def model_text(traced: TracedModel, *, contract: bool, kind: Kind = DOUBLE, tabl
             return _constant(expression, kind, table, read=read, lines=lines)
         if expression.operation is Operation.INPUT and expression.index not in loaded:
             if expression.index not in places:
-                raise ValueError(f"The input {expression.name!r} is none of the model; add it to its inputs.")
+                raise ValueError(f"The input {expression.name!r} is not an input of the model; add it to them.")
             array, position = places[expression.index]
             loaded.add(expression.index)
             lines.append(f"%p{expression.index} = getelementptr {numbers}, ptr %argument{array}, i64 {position}")
