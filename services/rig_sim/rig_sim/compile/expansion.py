@@ -90,7 +90,7 @@ _ARCTANGENT = (
 def expanded(traced: TracedModel, *, wide: bool = False) -> TracedModel:
     """Return the model with every transcendental function written out.
 
-    `wide`: For vectors of four or eight doubles, whose divisions and roots take up to four times as long as those of two.
+    `wide`: For vectors of four or eight doubles: divisions and roots take up to four times as long as of two.
     """
     expansions = _EXPANSIONS | _WIDE_EXPANSIONS if wide else _EXPANSIONS
 
