@@ -61,6 +61,8 @@ class OneRigLab:
         self.interrupt_from = 1_000_000
         self._change, self._made_by = change, made_by
         self.recordings = {} if made_by is None else {"made": [made_by]}
+        #: Status of a campaign that runs, by its id.
+        self.running = {}
 
     def query(self, key, request, answer, **others):
         match request:
@@ -76,7 +78,14 @@ class OneRigLab:
             case recorder_pb2.ReadStepsRequest():
                 return self._recorded(key, request, answer)
             case iterator_pb2.CampaignRequest():
+                for id, status in self.running.items():
+                    if key == self.keys.campaign(id):
+                        return status
                 raise FaultError(query_pb2.FAULT_CODE_NOT_FOUND, "There is no such campaign.")
+            case iterator_pb2.StopCampaignRequest():
+                (id,) = [id for id in self.running if key == self.keys.campaign_stop(id)]
+                self.running[id].phase = iterator_pb2.CAMPAIGN_PHASE_STOPPED
+                return self.running[id]
             case rig_pb2.StopRequest():
                 return answer(mode=rig_pb2.RIG_MODE_INTERLOCKED)
         raise AssertionError(f"{key} of {type(request).__name__} is not expected.")

@@ -7,13 +7,14 @@ from duralab_bus import FaultError
 from duralab_loads import channel_damage
 from duralab_proto.arrays import from_array, to_record
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2, sequencer_pb2
-from sequencer.endurance import drive_corrections
+from sequencer.endurance import drive_corrections, iterate_again
 
 from .one_rig_lab import DESCRIPTION, DRIVE, RATE, OneRigLab, campaign, decide, holding_or_ended, messages, wait_for
 
 AGAIN = (
     "actions: {warning: iterate_again, abort: iterate_again}\nmonitoring: {baseline_repeats: 6, bands: [2, 8, 40]}\n"
 )
+CORRECTION = "weeks-road_0-1"
 RESPONSES = [2000.0 * np.vstack([DRIVE, 0.5 * DRIVE]), 1500.0 * np.vstack([DRIVE, 0.7 * DRIVE])]
 DAMAGE = np.sum([channel_damage(response, exponents=(5.0,))[:, 0] for response in RESPONSES], axis=0)
 
@@ -112,7 +113,7 @@ def test_a_sequencer_that_is_killed_at_any_step_counts_a_correction_once(lab):
     assert any(isinstance(steps[place], sequencer_pb2.EnduranceCorrection) for place in killed_after)
     for place in killed_after:
         again = OneRigLab(change=lambda _repeat, response: 1.5 * response, made_by=campaign())
-        again.recordings["weeks-road_0-1"] = recorded_campaign()
+        again.recordings[CORRECTION] = recorded_campaign()
         test, board = again.test(repeats=20, more=AGAIN, recorded=steps[: place + 1])
         status = wait_for(board, holding_or_ended)
         if status.phase == sequencer_pb2.ENDURANCE_PHASE_HOLDING:
@@ -122,6 +123,55 @@ def test_a_sequencer_that_is_killed_at_any_step_counts_a_correction_once(lab):
         status = board.snapshot()
         assert status.correction_playbacks == 2, place
         np.testing.assert_allclose(counted(status, "correction_damage"), DAMAGE)
+
+
+# Playback 1 of the correction has 7.07 N RMS of the body's force and playback 2 has 7.42 N, a repeat before the change
+# 7.07 N.
+LIMITED = AGAIN.replace("bands:", "limits: {body: {rms: {abort: [0, 7.2]}}}, bands:")
+
+
+def killed_in_a_correction(lab, *, present=None):
+    """Return another lab, and its resumed test and board: the sequencer was killed, and its correction still runs."""
+    _, board = lab.test(repeats=20, more=LIMITED)
+    wait_for(board, holding_or_ended)
+    steps = messages(lab)
+    planned = next(place for place, step in enumerate(steps) if isinstance(step, sequencer_pb2.CorrectionPlanned))
+    again = OneRigLab(change=lambda _repeat, response: 1.5 * response, made_by=campaign())
+    spec, *playbacks = recorded_campaign()
+    if present is not None:
+        spec.known.first_drive.response.CopyFrom(to_record(DESCRIPTION.responses, RATE, present))
+    again.recordings[CORRECTION] = [spec, *playbacks]
+    again.running[CORRECTION] = iterator_pb2.CampaignStatus(
+        id=CORRECTION, phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING, iterations=[{"iteration": 1}, {"iteration": 2}]
+    )
+    return again, *again.test(repeats=20, more=LIMITED, recorded=steps[: planned + 1])
+
+
+@pytest.mark.parametrize("present", [None, 0.5 * RESPONSES[0]])
+def test_after_a_kill_a_correction_beyond_an_abort_limit_is_stopped(lab, present):
+    again, test, board = killed_in_a_correction(lab, present=present)
+    status = wait_for(board, holding_or_ended)
+    assert again.running[CORRECTION].phase == iterator_pb2.CAMPAIGN_PHASE_STOPPED
+    sentence = f"In campaign {CORRECTION} playback 2 passed an abort limit of the schedule (body: rms "
+    assert f"Iterating again was broken off. {sentence}" in status.hold.reason
+    (step,) = [step for step in messages(again) if isinstance(step, sequencer_pb2.EnduranceCorrection)]
+    assert sentence in step.reason
+    assert status.correction_playbacks == 2
+    test.stop("enough", latch=False)
+    assert board.wait_ended(10.0)
+
+
+def test_after_a_kill_a_correction_that_is_no_farther_outside_than_the_present_drive_goes_on(lab, monkeypatch):
+    monkeypatch.setattr(iterate_again, "_POLL_SECONDS", 0.01)
+    again, test, board = killed_in_a_correction(lab, present=3.0 * RESPONSES[0])
+    wait_for(board, lambda status: CORRECTION in status.activity)
+    running = again.running[CORRECTION]
+    assert running.phase == iterator_pb2.CAMPAIGN_PHASE_ITERATING
+    running.phase = iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    status = wait_for(board, holding_or_ended)
+    assert status.hold.reason == "Iterating again was broken off."
+    test.stop("enough", latch=False)
+    assert board.wait_ended(10.0)
 
 
 def test_a_later_recording_goes_on_with_the_damage_of_the_corrections_before(lab):

@@ -75,14 +75,22 @@ def correct(monkeypatch):
     played = [to_record([CHANNEL], 100.0, n * DRIVE) for n in range(1, 4)]
     steps = [iterator_pb2.IterationStep(iteration=n, drive=each, response=each) for n, each in enumerate(played, 1)]
     stored = [(step, recorder_pb2.RecordedStep()) for step in steps]
-    monkeypatch.setattr(iterate_again, "_steps", lambda *_, **__: stored)
+    started = []
+    monkeypatch.setattr(iterate_again, "_steps", lambda *_, **__: [*started[-1:], *stored])
 
     def corrected(status, *, response, weights=None, limit=np.inf):
         if weights is not None:
             parent.target.channels.extend([array_pb2.Channel(name=name, unit="N") for name in "ab"])
             parent.update.weights.CopyFrom(to_array(np.array(weights)))
             parent.update.iteration_gain.CopyFrom(to_array(np.ones(2)))
-        bus = SimpleNamespace(keys=Keys(), query=lambda key, *_: asked.append(key) or status)
+
+        def query(key, message, _answer):
+            asked.append(key)
+            if isinstance(message, iterator_pb2.CampaignSpec):
+                started.append((message, recorder_pb2.RecordedStep()))
+            return status
+
+        bus = SimpleNamespace(keys=Keys(), query=query)
         return iterate_again.corrected_drive(
             bus,
             DRIVE,

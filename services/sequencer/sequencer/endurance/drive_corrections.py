@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,14 @@ from duralab_bus import Bus, FaultError
 from duralab_monitoring import Alarm, Monitor
 from duralab_proto.arrays import from_record, to_array, to_record
 from duralab_proto.v1 import query_pb2, sequencer_pb2
-from sequencer.endurance.iterate_again import AWAY, controlled_part, corrected_drive, playbacks_of, wait_for_end
+from sequencer.endurance.iterate_again import (
+    AWAY,
+    controlled_part,
+    corrected_drive,
+    limit_of_playbacks,
+    playbacks_of,
+    wait_for_end,
+)
 from sequencer.endurance.plan import EndurancePlan
 from sequencer.endurance.test_log import EnduranceLog, is_recorded
 from sequencer.tally import EventTally
@@ -130,9 +138,20 @@ class DriveCorrections:
         self.drives[event], self._tallies[event].drive = drive, number
         return message
 
-    def count(self, planned: sequencer_pb2.CorrectionPlanned, *, on_activity: Callable[[str], None]) -> None:
-        """Count the playbacks of a campaign once it has ended, from its recording; the stored step counts them once."""
-        wait_for_end(self._bus, planned.campaign, stop=self._stop, on_activity=on_activity)
+    def count(self, planned: sequencer_pb2.CorrectionPlanned, *, on_activity: Callable[[str], None]) -> str:
+        """Count the playbacks of a campaign once it has ended, from its recording; the stored step counts them once.
+
+        A campaign that still runs, because the sequencer or its connection ended, is stopped at an abort limit. Return
+        that limit as a sentence, or nothing.
+        """
+        limit_of = partial(
+            limit_of_playbacks,
+            self._bus,
+            planned.campaign,
+            self._monitor.passed_abort_limit,
+            responses=len(self._plan.description.responses),
+        )
+        passed = wait_for_end(self._bus, planned.campaign, stop=self._stop, on_activity=on_activity, limit_of=limit_of)
         counted = sequencer_pb2.EnduranceCorrection(
             event=planned.event,
             campaign=planned.campaign,
@@ -156,9 +175,13 @@ class DriveCorrections:
                 damage = damage if estimate is None else damage + counted.unknown * estimate
             counted.reason += "."
             counted.damage.CopyFrom(to_array(damage))
+        if passed:
+            passed = f"In campaign {planned.campaign} {passed}; look at the specimen."
+            counted.reason += f" {passed}"
         self._log.commit(counted)
         tally.count_correction(counted.playbacks, damage)
         self._on_counted(counted)
+        return passed
 
     def _recorded_playbacks(
         self, campaign: str, on_activity: Callable[[str], None]

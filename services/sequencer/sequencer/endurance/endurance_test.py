@@ -103,6 +103,8 @@ class EnduranceTest:
         self._alarms = before.alarms
         # The last repeat; None if a person may have changed the specimen since.
         self._last: HeldRepeat | None = None
+        # Abort limit that a correction passed while no sequencer watched it, as a sentence.
+        self._passed_unwatched = ""
         self._first_repeat, self._attempt = before.first_repeat, 1
         self._stop = threading.Event()
         self._stop_reason, self._latching, self._latched, self._leaving = "", False, False, False
@@ -216,7 +218,7 @@ class EnduranceTest:
         if self._before.hold is not None:
             self._apply(self._before.hold, self._holds.wait(self._before.hold, stored=True))
         if (broken_off := self._before.iterating) is not None:
-            self._wait("Iterating again was broken off.", alarms=broken_off.alarms)
+            self._wait(f"Iterating again was broken off. {self._passed_unwatched}".rstrip(), alarms=broken_off.alarms)
         total, next_repeat = len(self._plan.sequence), self._before.next_repeat
         while next_repeat < total:
             if self._holds.asked:
@@ -248,7 +250,7 @@ class EnduranceTest:
             before.announced = ""
         if before.correcting is not None:
             self._step = f"counting the playbacks of campaign {before.correcting.campaign}"
-            self._corrections.count(before.correcting, on_activity=self._show_correction)
+            self._passed_unwatched = self._corrections.count(before.correcting, on_activity=self._show_correction)
             before.correcting = None
         self._commit_held(owed, "around an alarm before the sequencer ended")
         self._board.change(self._show_counts)

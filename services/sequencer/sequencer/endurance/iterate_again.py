@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from duralab_bus import Bus, FaultError, message_of_step, recorded_steps
 from duralab_monitoring import Alarm, Measure, Statistic
-from duralab_proto.arrays import ArrayError, from_array, to_record
+from duralab_proto.arrays import ArrayError, from_array, from_record, to_record
 from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2, rig_pb2
 from duralab_settings import ResolvedUpdate
 from duralab_settings.messages import fill_message, from_message
@@ -97,7 +97,7 @@ def corrected_drive(
         first.of_this_target = True
     else:
         spec.stop.iterations += 1
-    limit_of = partial(_limit_of, bus, id, passed_limit, present=response, responses=len(description.responses))
+    limit_of = partial(limit_of_playbacks, bus, id, passed_limit, responses=len(description.responses))
     status = _status_at_end(bus, spec, limit_of=limit_of, stop=stop, on_activity=on_activity)
     if status.phase != iterator_pb2.CAMPAIGN_PHASE_FINISHED:
         raise FaultError(
@@ -148,26 +148,49 @@ def _status_at_end(
         status = bus.query(bus.keys.campaign(spec.id), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
 
 
-def wait_for_end(bus: Bus, campaign: str, *, stop: threading.Event, on_activity: Callable[[str], None]) -> None:
+def wait_for_end(
+    bus: Bus,
+    campaign: str,
+    *,
+    stop: threading.Event,
+    on_activity: Callable[[str], None],
+    limit_of: Callable[[], str],
+) -> str:
     """Wait until a campaign has ended, which a crash of the sequencer does not end; stop it if `stop` is set.
 
-    A campaign that the iterator does not know, or whose iterator is not heard for 10 s, has ended.
+    A campaign that the iterator does not know, or whose iterator is not heard for 10 s, has ended. `limit_of`: Returns
+    the abort limit that a playback passed, as a clause; one stops the campaign and is returned.
     """
-    last_heard = time.monotonic()
+    last_heard, judged, passed = time.monotonic(), 0, ""
     while True:
         try:
             status = bus.query(bus.keys.campaign(campaign), iterator_pb2.CampaignRequest(), iterator_pb2.CampaignStatus)
-            if status.phase in _ENDED:
-                return
-            last_heard = time.monotonic()
+            last_heard, is_judged = time.monotonic(), True
+            if len(status.iterations) > judged:
+                passed, is_judged = _judged(limit_of)
+                judged = len(status.iterations) if is_judged else judged
+            if passed:
+                _stop_campaign(bus, campaign, passed)
+                return passed
+            if status.phase in _ENDED and is_judged:
+                return ""
             on_activity(status.activity)
             if stop.wait(_POLL_SECONDS):
                 _stop_campaign(bus, campaign, "the endurance test was stopped")
-                return
+                return ""
         except FaultError as fault:
             is_over = fault.code == query_pb2.FAULT_CODE_NOT_FOUND or time.monotonic() > last_heard + _SILENCE_SECONDS
             if is_over or stop.wait(_POLL_SECONDS):
-                return
+                return passed or _judged(limit_of)[0]
+
+
+def _judged(limit_of: Callable[[], str]) -> tuple[str, bool]:
+    """Return the passed limit, and whether that is known: not while the recorder is away."""
+    try:
+        return limit_of(), True
+    except FaultError as fault:
+        # A recording that cannot be read is reported where its playbacks are counted.
+        return "", fault.code not in AWAY
 
 
 def _stop_campaign(bus: Bus, campaign: str, reason: str) -> None:
@@ -176,15 +199,17 @@ def _stop_campaign(bus: Bus, campaign: str, reason: str) -> None:
     bus.query(bus.keys.campaign_stop(campaign), request, iterator_pb2.CampaignStatus)
 
 
-def _limit_of(
-    bus: Bus, campaign: str, passed_limit: PassedLimit, *, present: NDArray[np.float64] | None, responses: int
-) -> str:
-    """Return the abort limit that a playback of a campaign passed, as a clause; empty if none did.
+def limit_of_playbacks(bus: Bus, campaign: str, passed_limit: PassedLimit, *, responses: int) -> str:
+    """Return the abort limit that a playback of a correction passed, as a clause; empty if none did.
 
-    `present`: Response to the present drive; if None, the first playback is of the present drive.
+    The response to the present drive is that of the specification; without one, the first playback is of that drive.
+    Raises FaultError if the recording cannot be read.
     """
+    present = None
     for message, step in _steps(bus, campaign, with_samples=True):
-        if isinstance(message, iterator_pb2.IterationStep):
+        if isinstance(message, iterator_pb2.CampaignSpec) and message.known.first_drive.HasField("response"):
+            present = from_record(message.known.first_drive.response, field="response")[2]
+        elif isinstance(message, iterator_pb2.IterationStep):
             response = _response(message, step, responses=responses)
             if response is None:
                 continue
