@@ -23,7 +23,8 @@ class BlockSpectra:
 
     `window`: Shape (block samples). `hop`: Samples between the starts of neighbouring blocks, 1 or more. `channels`:
     Number of channels of all records together, 1 or more. `chosen`: Range of the kept lines; all if omitted.
-    `powered`: Number of first channels whose power is summed, 0 to `channels`.
+    `powered`: Number of first channels whose power is summed, 0 to `channels`. `further`: Number of channels beyond
+    those, which do not change the number of blocks in a chunk.
     """
 
     def __init__(
@@ -34,6 +35,7 @@ class BlockSpectra:
         channels: int,
         chosen: slice | None = None,
         powered: int = 0,
+        further: int = 0,
     ) -> None:
         block, lines = window.size, window.size // 2 + 1
         self._window = window
@@ -46,7 +48,7 @@ class BlockSpectra:
         self.power = np.zeros((kept, powered))
         """Squared magnitudes of the first channels, summed over all blocks so far; shape (lines kept, powered)."""
         self._power_of_chunk = np.empty_like(self.power)
-        self._by_line = np.empty((kept, channels, self.blocks_in_chunk), dtype=np.complex128)
+        self._by_line = np.empty((kept, channels + further, self.blocks_in_chunk), dtype=np.complex128)
 
     def chunks(self, *records: NDArray[np.float64]) -> Iterator[NDArray[np.complex128]]:
         """Yield the spectra of the whole blocks of records that were sampled together."""

@@ -69,6 +69,9 @@ class CrossSpectra:
         Whether each channel's mean over all samples is removed; the estimate is as if it had been removed before.
     chosen
         Range of one or more averaged lines; all if omitted. Not together with `without_mean`.
+    further
+        Number of the last channels of `b`, 0 up to but not including `n_b`, that do not change the others: their
+        averages have the same bytes as without these channels. Not together with `full`.
 
     Raises
     ------
@@ -87,9 +90,14 @@ class CrossSpectra:
         full: bool = False,
         without_mean: bool = False,
         chosen: slice | None = None,
+        further: int = 0,
     ) -> None:
         if n_a < 1 or n_b < 1:
             raise ValueError(f"The records have {n_a} and {n_b} channels; both need at least one.")
+        if not 0 <= further < n_b or (further and full):
+            raise ValueError(
+                f"There are {further} further channels; allowed are 0 to {n_b - 1}, and none where S_aa is averaged."
+            )
         require_sample_rate(sample_rate)
         self._hop = hop_samples(block_samples, overlap)
         self._block_samples = block_samples
@@ -101,14 +109,29 @@ class CrossSpectra:
         if chosen is not None and without_mean:
             raise ValueError("The mean comes off where all lines are averaged; ask for one of the two.")
         self._chosen = slice(kept.start, kept.stop)
-        self._spectra = BlockSpectra(self._window, hop=self._hop, channels=n_a + n_b, chosen=self._chosen, powered=n_a)
+        own = n_a + n_b - further
+        self._spectra = BlockSpectra(
+            self._window, hop=self._hop, channels=own, chosen=self._chosen, powered=n_a, further=further
+        )
         self._n_a = n_a
         self._full, self._without_mean = full, without_mean
         self._tail = np.empty((n_a + n_b, 0))
-        lines, columns = len(kept), n_a + n_b if full else n_b
-        self._products = np.zeros((lines, n_a + n_b, columns), dtype=np.complex128)
-        self._of_lines = np.empty((_LINES_TOGETHER, n_a + n_b, columns), dtype=np.complex128)
-        self._conjugate = np.empty((_LINES_TOGETHER, columns, self._spectra.blocks_in_chunk), dtype=np.complex128)
+        lines, first = len(kept), 0 if full else n_a
+        self._products = np.zeros((lines, n_a + n_b, n_a + n_b - first), dtype=np.complex128)
+        self._own, self._first_column = own, first
+        blocks, parts = self._spectra.blocks_in_chunk, [(own, slice(first, own))]
+        if further:
+            parts.append((n_a + n_b, slice(own, n_a + n_b)))
+        #: Rows and columns whose products are computed together, with memory for the conjugates and the products.
+        self._parts = [
+            (
+                slice(rows),
+                columns,
+                np.empty((_LINES_TOGETHER, columns.stop - columns.start, blocks), dtype=np.complex128),
+                np.empty((_LINES_TOGETHER, rows, columns.stop - columns.start), dtype=np.complex128),
+            )
+            for rows, columns in parts
+        ]
         self._lowest_lines = np.zeros((min(_LINES_OF_A_MEAN, lines), n_a + n_b), dtype=np.complex128)
         self._sums, self._samples = np.zeros(n_a + n_b), 0
         self._blocks, self._stretch_blocks, self._independent = 0, 0, 0.0
@@ -210,6 +233,10 @@ class CrossSpectra:
             raise ValueError(
                 f"The records are shorter than one block of {self._block_samples} samples; take shorter blocks."
             )
+        own, first = self._own, self._first_column
+        # Further channels with the others: only their products the other way round are averaged.
+        mirrored = self._products[:, self._n_a : own, own - first :]
+        self._products[:, own:, self._n_a - first : own - first] = mirrored.conj().transpose(0, 2, 1)
         scale = density_scale(self._window, self._sample_rate, self._blocks)[self._chosen]
         of_a, of_b = slice(self._n_a), slice(self._n_a, None)
         return SpectraEstimate(
@@ -224,8 +251,7 @@ class CrossSpectra:
 
     def _densities(self, scale: NDArray[np.float64], rows: slice, columns: slice) -> NDArray[np.complex128]:
         """Return the averages of some channels with others; columns of `a` only if they are averaged."""
-        channels = self._tail.shape[0]
-        first = 0 if self._full else self._n_a
+        channels, first = self._tail.shape[0], self._first_column
         kept = slice(columns.indices(channels)[0] - first, columns.indices(channels)[1] - first)
         densities = self._products[:, rows, kept] * scale[:, None, None]
         if self._without_mean:
@@ -246,20 +272,24 @@ class CrossSpectra:
         """Average all whole blocks and count them."""
         blocks = 0
         for lines in self._spectra.chunks(a, b):
-            conjugate = self._conjugate[:, :, : lines.shape[2]]
             for start in range(0, lines.shape[0], _LINES_TOGETHER):
-                some = slice(start, start + _LINES_TOGETHER)
-                rows = lines[some]
-                right, product = conjugate[: rows.shape[0]], self._of_lines[: rows.shape[0]]
-                np.conjugate(rows if self._full else rows[:, self._n_a :], out=right)
-                np.matmul(rows, right.transpose(0, 2, 1), out=product)
-                self._products[some] += product
+                self._add_products(lines[start : start + _LINES_TOGETHER], self._products[start:])
             if self._without_mean:
                 self._lowest_lines += np.sum(lines[: self._lowest_lines.shape[0]], axis=2)
             self._blocks += lines.shape[2]
             self._stretch_blocks += lines.shape[2]
             blocks += lines.shape[2]
         return blocks
+
+    def _add_products(self, lines: NDArray[np.complex128], products: NDArray[np.complex128]) -> None:
+        """Add the products of some lines."""
+        count, _, blocks = lines.shape
+        for rows, columns, conjugate, product in self._parts:
+            right, found = conjugate[:count, :, :blocks], product[:count]
+            np.conjugate(lines[:, columns], out=right)
+            np.matmul(lines[:, rows], right.transpose(0, 2, 1), out=found)
+            first = self._first_column
+            products[:count, rows, columns.start - first : columns.stop - first] += found
 
     def _wait_with(self, tail: NDArray[np.float64]) -> None:
         if not np.isfinite(tail).all():

@@ -30,6 +30,9 @@ BLOCKS = {"block_samples": 256, "overlap": 0.5, "sample_rate": 1000.0}
         ),
         (lambda: duralab_spectra.paired_spectra(np.ones((2, 300)), np.ones((1, 300)), **BLOCKS), "2 and 1 channels"),
         (lambda: duralab_spectra.CrossSpectra(0, 1, **BLOCKS), "0 and 1 channels"),
+        (lambda: duralab_spectra.CrossSpectra(1, 3, further=3, **BLOCKS), "3 further channels; allowed are 0 to 2"),
+        (lambda: duralab_spectra.CrossSpectra(1, 3, further=-1, **BLOCKS), "-1 further channels; allowed are 0 to 2"),
+        (lambda: duralab_spectra.CrossSpectra(1, 3, further=1, full=True, **BLOCKS), "none where S_aa is averaged"),
     ],
 )
 def test_what_is_not_allowed_is_refused_with_its_value(call, message):

@@ -163,6 +163,28 @@ def test_chosen_lines_are_those_of_the_whole_estimate(records):
         duralab_spectra.CrossSpectra(4, 3, chosen=slice(7, 90), without_mean=True, **SETTINGS)
 
 
+@pytest.mark.parametrize("without_mean", [False, True])
+@pytest.mark.parametrize("further", [1, 13, 40])
+def test_further_channels_change_no_byte_of_the_others_and_are_averaged_with_them(records, further, without_mean):
+    response, drive = records
+    added = np.random.default_rng(2).standard_normal((further, drive.shape[1])) + drive[:1] ** 2
+    together = np.vstack([drive, added])
+    alone, plain, found = (
+        duralab_spectra.CrossSpectra(4, b.shape[0], without_mean=without_mean, further=count, **SETTINGS)
+        for b, count in ((drive, 0), (together, 0), (together, further))
+    )
+    for running, b in ((alone, drive), (plain, together), (found, together)):
+        running.add(response[:, :8800], b[:, :8800])
+        running.add(response[:, 8800:], b[:, 8800:])
+    own, whole, found = alone.estimate(), plain.estimate(), found.estimate()
+    assert np.ascontiguousarray(found.s_ab[:, :, :3]).tobytes() == own.s_ab.tobytes()
+    assert np.ascontiguousarray(found.s_bb[:, :3, :3]).tobytes() == own.s_bb.tobytes()
+    assert found.auto_a.tobytes() == own.auto_a.tobytes()
+    for name in ("s_ab", "s_bb"):
+        expected = getattr(whole, name)
+        np.testing.assert_allclose(getattr(found, name), expected, rtol=0.0, atol=1e-12 * np.abs(expected).max())
+
+
 def test_means_come_off_and_stretches_are_kept_apart():
     """The mean of all samples, not of each block; a block never spans two stretches."""
     generator = np.random.default_rng(1)

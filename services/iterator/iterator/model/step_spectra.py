@@ -21,8 +21,8 @@ class StepSpectra:
     """Averaged spectra of steps of drive and response, one-sided densities.
 
     `response_with_drive`, shape (lines, n_y, inputs): `S̄_ΔyΔu`; the inputs are the drives, followed term by term by
-    the nonlinear terms of the steps. `drive`, shape (lines, inputs, inputs): `S̄_ΔuΔu`, for the same inputs.
-    `response`, shape (lines, n_y): Diagonal of `S̄_ΔyΔy`.
+    the nonlinear terms of the steps. `drive`, shape (lines, inputs, inputs): `S̄_ΔuΔu`, for the same inputs. Spectra of
+    the drives have the same bytes with any terms. `response`, shape (lines, n_y): Diagonal of `S̄_ΔyΔy`.
     """
 
     response_with_drive: NDArray[np.complex128]
@@ -185,6 +185,7 @@ def _seen(start: Playback | None, end: Playback, blocks: StepBlocks, padded: NDA
         overlap=blocks.overlap,
         sample_rate=blocks.sample_rate,
         chosen=blocks.around,
+        further=n_u * len(blocks.terms),
     )
     averages.add(padded[:n_y], padded[n_y:])
     found = averages.estimate()

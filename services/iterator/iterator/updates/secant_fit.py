@@ -22,6 +22,10 @@ _AVERAGES_BY_SMOOTHING: Final = 2.4
 _ROUNDING: Final = 1e-12
 
 
+MatrixAndSpread = tuple[NDArray[np.complex128], NDArray[np.complex128]]
+"""Matrix fitted to inputs in scaled units, shape (lines, n_y, inputs), and `P`, shape (lines, inputs, inputs)."""
+
+
 @dataclass(frozen=True)
 class SecantFit:
     """Fitted FRF matrix and its uncertainty.
@@ -29,12 +33,13 @@ class SecantFit:
     `frf`, shape (lines, n_y, n_u): `H_k`, response unit per drive unit. `term_frf`, shape (lines, n_y, further inputs):
     FRF of the nonlinear terms, response unit per term unit. `uncertainty`, shape (lines, inputs, inputs):
     `E[δᴴδ] = n σ² P / N` of weighted responses and scaled drives, `N` the independent averages; the terms follow the
-    drives and are not scaled.
+    drives and are not scaled. `of_drives`: Fit of the drives alone, scaled, and its `P`.
     """
 
     frf: NDArray[np.complex128]
     term_frf: NDArray[np.complex128]
     uncertainty: NDArray[np.complex128]
+    of_drives: MatrixAndSpread
 
 
 def fit_secant(
@@ -46,6 +51,7 @@ def fit_secant(
     response_weight: NDArray[np.float64],
     drive_scale: NDArray[np.float64],
     averages: float,
+    of_drives: MatrixAndSpread | None = None,
 ) -> SecantFit:
     """Fit `H_k = (S̄_ΔyΔu + H_0 Λ) P`, `P⁻¹ = S̄_ΔuΔu + Λ`, anchored at the identified `H_0` by the prior `Λ`.
 
@@ -58,6 +64,8 @@ def fit_secant(
 
     If the steps hold nonlinear terms of the drives, both fits are made, with and without. At each line and for each
     response the terms are weighted by how much less they leave unexplained than as many inputs of noise would.
+
+    `of_drives`: Fit of the drives alone if it was made before, of the same spectra with the same prior.
     """
     n_u, inputs = drive_scale.size, spectra.drive.shape[1]
     inverse_scale = np.concatenate((1.0 / drive_scale, np.ones(inputs - n_u)))
@@ -69,22 +77,24 @@ def fit_secant(
         anchor=identified_frf * drive_scale,
         prior=identification_drive / drive_scale[:, None] / drive_scale,
     )
-    fitted, spread = _fit_and_spread(steps, prior_strength, averages=averages)
+    alone = of_drives or steps.of_drives_alone().fit(prior_strength)
+    fitted, spread = _fit_and_spread(steps, prior_strength, alone, averages=averages)
     moved = np.einsum("fii->f", steps.inputs[:, :n_u, :n_u]).real > 0.0
     residual = (steps.unexplained(fitted) @ steps.weight) / averages
     return SecantFit(
         frf=np.ascontiguousarray(fitted[:, :, :n_u] / drive_scale),
         term_frf=np.ascontiguousarray(fitted[:, :, n_u:]),
         uncertainty=np.where(moved[:, None, None], residual[:, None, None] * spread, 0.0),
+        of_drives=alone,
     )
 
 
 def _fit_and_spread(
-    steps: AnchoredSteps, prior_strength: float, *, averages: float
-) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
+    steps: AnchoredSteps, prior_strength: float, of_drives_alone: MatrixAndSpread, *, averages: float
+) -> MatrixAndSpread:
     """Return the matrix of all inputs and `P`, from both fits weighted by their trust."""
     n_u, inputs = steps.drives, steps.inputs.shape[1]
-    alone, spread = steps.of_drives_alone().fit(prior_strength)
+    alone, spread = of_drives_alone
     if inputs == n_u:
         return alone, spread
     plain = np.concatenate((alone, np.zeros((*alone.shape[:2], inputs - n_u), dtype=np.complex128)), axis=2)

@@ -16,6 +16,7 @@ from iterator.model import (
     RigModel,
     SeenStep,
     StepBlocks,
+    StepSpectra,
     averaged_steps,
     cautious_inverse,
     driven_lines,
@@ -26,7 +27,7 @@ from iterator.updates.drive_squares import drive_for_squares
 from iterator.updates.foresight import foreseen_steps, kept_inputs, terms_that_foresee
 from iterator.updates.gains import gain_at
 from iterator.updates.gauss_newton import StepProblem, gauss_newton_step
-from iterator.updates.secant_fit import SecantFit, fit_secant
+from iterator.updates.secant_fit import MatrixAndSpread, SecantFit, fit_secant
 from iterator.updates.settings import NextDrive, UpdateSettings
 
 # Strength of the identified model relative to `prior_strength` if odd terms are fitted: they explain the effect of the
@@ -99,28 +100,33 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
         last=int(lines[-1]),
         terms=candidates[-1],
     )
-    # Separate from those with terms, so that a fit of the drives alone has the same bytes for any tried terms.
-    known = {"before": model.seen_steps, "earlier": model.earlier}
-    of_drives = seen_steps(history, replace(blocks, terms=()), **known)
-    steps = seen_steps(history, blocks, **known) if blocks.terms else of_drives
+    steps = seen_steps(history, blocks, before=model.seen_steps, earlier=model.earlier)
     identified = model.frf if model.identified_frf is None else model.identified_frf
     scale = _drive_scale(history, model, lines)
     identification_drive = _identification_drive(model, lines, scale)
     averages = blocks.independent_averages(history.target.shape[1])
+    # Of the first steps, by their number: each candidate is fitted to the same ones.
+    averaged: dict[int, StepSpectra] = {}
+    of_drives: dict[tuple[int, float], MatrixAndSpread] = {}
 
     def fit(steps: tuple[SeenStep, ...], terms: tuple[DriveTerm, ...], prior_strength: float) -> SecantFit:
-        spectra = averaged_steps(
-            steps, forgetting=secant.forgetting, response_weight=weight, each_line=secant.each_line
-        )
-        return fit_secant(
-            spectra.of_inputs(kept_inputs(steps[0].blocks.terms, terms, drives=scale.size)),
+        if len(steps) not in averaged:
+            averaged[len(steps)] = averaged_steps(
+                steps, forgetting=secant.forgetting, response_weight=weight, each_line=secant.each_line
+            )
+        fitted_with = len(steps), prior_strength
+        found = fit_secant(
+            averaged[len(steps)].of_inputs(kept_inputs(steps[0].blocks.terms, terms, drives=scale.size)),
             identified[lines],
             identification_drive=identification_drive,
             prior_strength=prior_strength,
             response_weight=weight,
             drive_scale=scale,
             averages=averages,
+            of_drives=of_drives.get(fitted_with),
         )
+        of_drives[fitted_with] = found.of_drives
+        return found
 
     weaker = _PRIOR_WITH_TERMS * secant.prior_strength
     foreseen = foreseen_steps(
@@ -133,7 +139,7 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
     )
     terms = terms_that_foresee(foreseen, candidates, forgetting=secant.forgetting)
     prior_strength = weaker if set(terms) & set(ODD_TERMS) else secant.prior_strength
-    found = fit(steps if terms else of_drives, terms, prior_strength)
+    found = fit(steps, terms, prior_strength)
     frf, inverse = identified.copy(), model.inverse_frf.copy()
     frf[lines] = found.frf
     if history.playbacks:
@@ -154,7 +160,7 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
         frf=frf,
         inverse_frf=inverse,
         identified_frf=identified,
-        seen_steps=(*of_drives, *steps),
+        seen_steps=steps,
         terms=terms,
         term_frf=term_frf,
         foreseen_steps=foreseen,

@@ -147,7 +147,7 @@ def accept_segments(
     made_with = tuple(iteration_gain) or (1.0,) * steps
     if len(made_with) != steps:
         raise ValueError(f"There are {len(made_with)} iteration gains for {steps} steps; give one for each, or none.")
-    judged = _hann(settings.judged_seconds, sample_rate)
+    judged = _Smoothing.of(_hann(settings.judged_seconds, sample_rate), samples=history.target.shape[1])
     blend = _hann(settings.cross_fade_seconds, sample_rate)
     rounding = settings.negligible * float(np.mean(_power(history.target, response_scale)))
     best = _local_energy(history.target, history.playbacks[0].response, response_scale, judged)
@@ -250,16 +250,27 @@ def _power(
     return power
 
 
+@dataclass(frozen=True)
+class _Smoothing:
+    """Average over a window; `lines` is the transform of the window with zeros up to `length` samples."""
+
+    length: int
+    half: int
+    lines: NDArray[np.complex128]
+
+    @classmethod
+    def of(cls, window: NDArray[np.float64], *, samples: int) -> _Smoothing:
+        """Transform the window once for all records of `samples` samples."""
+        # One transform of the whole record: scipy.signal also has a convolution, but its import takes a second.
+        length = fast_length(samples + window.size - 1)
+        return cls(length, window.size // 2, forward(window, length))
+
+
 def _local_energy(
-    target: NDArray[np.float64],
-    response: NDArray[np.float64],
-    scale: NDArray[np.float64],
-    window: NDArray[np.float64],
+    target: NDArray[np.float64], response: NDArray[np.float64], scale: NDArray[np.float64], smoothing: _Smoothing
 ) -> NDArray[np.float64]:
-    half, count = window.size // 2, target.shape[1]
-    # One transform of the whole record: scipy.signal also has a convolution, but its import takes a second.
-    padded = fast_length(count + window.size - 1)
+    length, half = smoothing.length, smoothing.half
     power = _power(target, scale, without=response)
-    energy = backward(forward(power, padded) * forward(window, padded), padded)[half : half + count]
+    energy = backward(forward(power, length) * smoothing.lines, length)[half : half + power.size]
     # Rounding of the transform may give tiny negative energies.
     return np.maximum(energy, 0.0)
