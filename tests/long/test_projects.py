@@ -11,6 +11,7 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path
 
@@ -41,9 +42,9 @@ def project(folder: Path, **changes: object) -> Path:
     return path
 
 
-def samples_of(folder: Path) -> dict[str, list[tuple[bytes, bytes]]]:
+def samples_of(folder: Path, events: Sequence[str] = EVENTS) -> dict[str, list[tuple[bytes, bytes]]]:
     found = {}
-    for name in EVENTS:
+    for name in events:
         recording = duralab.open_recording(folder / name / "recording.mcap")
         playbacks = [recording.playback(number) for number in recording.iterations.numbers]
         found[name] = [(one.drive.samples.tobytes(), one.response.samples.tobytes()) for one in playbacks]
@@ -124,6 +125,28 @@ def test_killed_at_seeded_moments_it_ends_with_the_same_bytes(tmp_path: Path, un
         said, _ = again.communicate(timeout=SECONDS)
         assert again.returncode == 0, (moment, said)
         assert samples_of(out) == expected, moment
+
+
+@pytest.mark.timeout(SECONDS)
+def test_killed_after_an_event_that_ended_early_it_ends_with_the_same_bytes(tmp_path: Path) -> None:
+    plan = yaml.safe_load(project(tmp_path).read_text())
+    plan["events"]["rough_road"] |= {"priority": 1, "stop": {"iterations": 1, "damage_budget": 1e-6}}
+    for name in EVENTS[1:]:
+        plan["events"][name] |= {"priority": 0, "stop": {"iterations": 1}}
+    path, out = tmp_path / "early.yaml", tmp_path / "out"
+    path.write_text(yaml.safe_dump(plan, sort_keys=False))
+    undisturbed = command(path, tmp_path / "undisturbed")
+    expected, _ = undisturbed.communicate(timeout=SECONDS)
+    assert "- rough_road: The campaign failed while inverting the model: The identification did" in expected
+    running, until = command(path, out), time.monotonic() + SECONDS
+    while not list((out / "recordings").glob(f"*-{EVENTS[1]}.mcap")):
+        assert running.poll() is None, "the project ended before it was killed"
+        assert time.monotonic() < until, "nothing is recorded"
+        time.sleep(0.01)
+    kill_all(running)
+    said, _ = command(path, out).communicate(timeout=SECONDS)
+    assert "- rough_road: The campaign failed while inverting the model: The identification did" in said
+    assert samples_of(out, EVENTS[1:]) == samples_of(tmp_path / "undisturbed", EVENTS[1:])
 
 
 @pytest.mark.timeout(2 * SECONDS)
