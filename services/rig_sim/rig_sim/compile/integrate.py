@@ -14,8 +14,8 @@ own function, one for each method, is::
     int64 play_METHOD(double *state, const double *commands, int64 command_stride, double *outputs, int64 output_stride,
                int64 samples, int64 substeps, double step, const double *bounds, const double *constants)
 
-For several rigs in the lanes of vectors every ``double`` in an array is a vector. The loop ends if any lane is out of
-bounds.
+For several rigs in the lanes of vectors every ``double`` in an array is a vector, except in ``outputs`` of the loop:
+each rig has its own rows of samples there, the rigs of one output together. The loop ends if any lane is out of bounds.
 
 The loop adds up and compares states in vectors, so its ``state`` and ``bounds`` have room for :func:`padded` states;
 those beyond the model's are 0 and in bounds.
@@ -200,18 +200,33 @@ def play_text(*, states: int, inputs: int, outputs: int, rigs: int = 1, width: i
                 "scatter",
                 "ptr noalias %row, ptr noalias %outputs, i64 %stride, i64 %sample",
                 count=outputs,
-                body=f"""
-  %p = getelementptr {numbers}, ptr %row, i64 %i
-  %value = load {numbers}, ptr %p{align}
-  %begin = mul i64 %i, %stride
-  %at = add i64 %begin, %sample
-  %q = getelementptr {numbers}, ptr %outputs, i64 %at
-  store {numbers} %value, ptr %q{align}""",
+                body=_scattered(kind),
             ),
             loop.within(),
             *(loop.text(method) for method in Method),
         ]
     )
+
+
+def _scattered(kind: Kind) -> str:
+    """Write the stores of one output of a sample, for each rig into its own row."""
+    lines = [
+        f"  %p = getelementptr {kind.numbers}, ptr %row, i64 %i",
+        f"  %value = load {kind.numbers}, ptr %p, align 8",
+        f"  %first = mul i64 %i, {kind.lanes}",
+    ]
+    for rig in range(kind.lanes):
+        one = "%value" if kind is DOUBLE else f"%value.{rig}"
+        if kind is not DOUBLE:
+            lines.append(f"  {one} = extractelement {kind.numbers} %value, i64 {rig}")
+        lines += [
+            f"  %row.{rig} = add i64 %first, {rig}",
+            f"  %begin.{rig} = mul i64 %row.{rig}, %stride",
+            f"  %at.{rig} = add i64 %begin.{rig}, %sample",
+            f"  %q.{rig} = getelementptr double, ptr %outputs, i64 %at.{rig}",
+            f"  store double {one}, ptr %q.{rig}, align 8",
+        ]
+    return "\n" + "\n".join(lines)
 
 
 def _spread(kind: Kind, number: str) -> tuple[str, str]:

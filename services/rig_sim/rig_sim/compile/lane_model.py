@@ -1,8 +1,8 @@
 """Machine code for several rigs of one structure in the lanes of a vector: the player of batches.
 
-A rig is one lane, or two if its sides mirror each other. Arrays are [place][rig]. The result of a lane depends on its
-own numbers only: this package, not a compiler, decides which products and sums are fused, so a playback has the same
-bytes in every lane, beside any others, and in vectors of any width.
+A rig is one lane, or two if its sides mirror each other. Arrays are [place][rig], outputs [place][rig][sample]. The
+result of a lane depends on its own numbers only: this package, not a compiler, decides which products and sums are
+fused, so a playback has the same bytes in every lane, beside any others, and in vectors of any width.
 """
 
 from __future__ import annotations
@@ -159,7 +159,7 @@ class LaneModel(NamedModel):
         limits = [self._limits(run.bounds) for run in runs]
         states = [self._vector(run.state, self.state_names, "state") for run in runs]
         ends = [command.shape[1] - 1 for command in commands]
-        outputs = [np.empty((len(self.output_names), end)) for end in ends]
+        outputs: list[list[np.ndarray]] = [[] for _ in runs]
         count = len(self.state_names)
         room = padded(count, rigs=self.rigs, width=self.width)
         playbacks: dict[int, Playback] = {}
@@ -171,7 +171,7 @@ class LaneModel(NamedModel):
             state = lanes.spread([states[run][self._order] for run in live], room=room)
             bounds = lanes.spread([limits[run][self._order] for run in live], room=room)
             command = lanes.spread([commands[run][:, begin : until + 1] for run in live])
-            output = aligned((len(self.output_names), until - begin, self.rigs))
+            output = aligned((len(self.output_names), self.rigs, until - begin))
             status = self._play[method](
                 state.ctypes.data,
                 command.ctypes.data,
@@ -186,17 +186,21 @@ class LaneModel(NamedModel):
             )
             played = until - begin if status == COMPLETED else int(status)
             for lane, run in enumerate(live):
-                outputs[run][:, begin : begin + played] = output[:, :played, lane]
+                outputs[run].append(output[:, lane, :played])
                 states[run] = state[:count, lane][self._places]
             begin += played
             for run in live:
                 outside = self._states_outside(states[run], limits[run])
                 if outside:
-                    kept = np.ascontiguousarray(outputs[run][:, :begin])
-                    playbacks[run] = Playback(kept, states[run], begin, outside)
+                    playbacks[run] = Playback(_joined(outputs[run]), states[run], begin, outside)
                 elif begin == ends[run]:
-                    playbacks[run] = Playback(outputs[run], states[run], None, ())
+                    playbacks[run] = Playback(_joined(outputs[run]), states[run], None, ())
         return [playbacks[run] for run in range(len(runs))]
+
+
+def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Return the parts of a run as one; a single one without a copy."""
+    return parts[0] if len(parts) == 1 else np.hstack(parts)
 
 
 class _Lanes:
