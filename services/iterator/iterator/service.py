@@ -20,8 +20,10 @@ from duralab_bus import (
     Call,
     FaultError,
     ServiceConfig,
+    SpanKind,
     SpoolFullError,
     described_rig,
+    span,
 )
 from duralab_proto.channels import overdue_calibrations
 from duralab_proto.keys import ANY, check_rig, id_of
@@ -180,7 +182,8 @@ class IteratorService:
             # The identifier makes the same drive and checks it, before anything is stored or moves.
             request = identification_request(spec, run=identification_run(spec), check_only=True)
             experiment = self._bus.query(self._bus.keys.identify(spec.rig), request, identifier_pb2.Model).plan
-        plan = plan_campaign(spec, description, experiment)
+        with span("transform the target", SpanKind.MATHEMATICS):
+            plan = plan_campaign(spec, description, experiment)
         tested = require_pre_test(self._bus, spec, description)
         overdue = overdue_calibrations(description.responses, today=date.today())
         remarks = (*overdue, *([tested] if tested else ()), *plan.remarks)
