@@ -155,7 +155,7 @@ GOALS: dict[str, tuple[Goal, ...]] = {
         _most("`duralab up` to the first answer of a rig, warm, s", "lab", "first_answer_warm", bound=1.5),
         _fact("the same, without compiled code on disk, s", "lab", "first_answer_cold"),
         _most(
-            "`duralab run front_axle_demo` from the shell, warm, over simulation and mathematics",
+            "`duralab run front_axle_demo` from the shell, warm, over simulation and mathematics, the middle of seven",
             "lab",
             "campaign_over_simulation_and_mathematics",
             bound=1.6,

@@ -191,16 +191,11 @@ class LaneModel(NamedModel):
             begin += played
             for run in live:
                 outside = self._states_outside(states[run], limits[run])
-                if outside:
-                    playbacks[run] = Playback(_joined(outputs[run]), states[run], begin, outside)
-                elif begin == ends[run]:
-                    playbacks[run] = Playback(_joined(outputs[run]), states[run], None, ())
+                if outside or begin == ends[run]:
+                    # One part, which is not copied, unless other runs ended before.
+                    whole = outputs[run][0] if len(outputs[run]) == 1 else np.hstack(outputs[run])
+                    playbacks[run] = Playback(whole, states[run], begin if outside else None, outside)
         return [playbacks[run] for run in range(len(runs))]
-
-
-def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
-    """Return the parts of a run as one; a single one without a copy."""
-    return parts[0] if len(parts) == 1 else np.hstack(parts)
 
 
 class _Lanes:
