@@ -7,6 +7,7 @@ acceptance of the feature does.
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -147,6 +148,23 @@ def test_killed_after_an_event_that_ended_early_it_ends_with_the_same_bytes(tmp_
     said, _ = command(path, out).communicate(timeout=SECONDS)
     assert "- rough_road: The campaign failed while inverting the model: The identification did" in said
     assert samples_of(out, EVENTS[1:]) == samples_of(tmp_path / "undisturbed", EVENTS[1:])
+
+
+def test_killed_before_the_first_step_of_an_event_it_makes_the_event_from_the_start(
+    tmp_path: Path, undisturbed: Path
+) -> None:
+    out, last = tmp_path / "out", EVENTS[-1]
+    for name in EVENTS[:-1]:
+        shutil.copytree(undisturbed / name, out / name)
+    content, left = (undisturbed / last / "recording.mcap").read_bytes(), out / "recordings"
+    left.mkdir()
+    for size in (0, 30, 300):
+        shutil.rmtree(out / last, ignore_errors=True)
+        (left / f"front_axle_events-{last}.mcap").write_bytes(content[:size])
+        again = command(project(tmp_path), out)
+        said, _ = again.communicate(timeout=SECONDS)
+        assert again.returncode == 0, (size, said)
+        assert samples_of(out) == samples_of(undisturbed), size
 
 
 @pytest.mark.timeout(2 * SECONDS)

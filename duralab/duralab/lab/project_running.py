@@ -27,6 +27,7 @@ from duralab.recording import open_recording
 from duralab_bus import FaultError
 from duralab_proto.arrays import from_record
 from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+from duralab_recordings import is_begun
 
 _LEARN_FROM: Final = 3
 """Number of events whose playbacks another event learns from; further ones add little and cost the same each."""
@@ -216,7 +217,8 @@ def _resumed(run: _Run, event: Event) -> CampaignResult | None:
         # The command starts its lab in the project's folder, a script perhaps in another one.
         places = {run.folder, place.folder.parent}
         left = [path for folder in places for path in folder.glob(f"{RECORDINGS}*/{id}.mcap")]
-        left = [path for path in left if path.parent != place.folder]
+        # Nothing in a file that a kill left before its first step was acknowledged: its event is made from the start.
+        left = [path for path in left if path.parent != place.folder and is_begun(path)]
         for path in sorted(left, key=lambda path: path.stat().st_mtime)[-1:]:
             place.copy_in(open_recording(path))
     try:

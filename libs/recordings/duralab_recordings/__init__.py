@@ -35,6 +35,7 @@ from duralab_recordings.unfinished import (
     Unfinished,
     ZerosError,
     check_begin,
+    is_begun,
     is_finished,
     scan,
 )
@@ -77,6 +78,7 @@ __all__ = [
     "forget_indexes",
     "hash_of_blocks",
     "index_of",
+    "is_begun",
     "is_finished",
     "last_metadata",
     "messages_of",

@@ -179,6 +179,33 @@ def scan(path: Path, take: Take) -> Unfinished:
     return found
 
 
+def is_begun(path: Path) -> bool:
+    """Return whether anything was recorded in a file, or whether a kill came before its first message.
+
+    Parameters
+    ----------
+    path : Path
+        Path of the file.
+
+    Returns
+    -------
+    bool
+        False if it holds no whole message. True also for a damaged file: reading it shows the damage.
+
+    Raises
+    ------
+    OSError
+        If it is a FIFO, a socket or a device, or cannot be read.
+    """
+    try:
+        check_begin(path)
+        with path.open("rb") as stream:
+            # As a repair reads it: a chunk without its indexes is cut off.
+            return any(isinstance(record, Message) for record in whole_records(stream, Unfinished()))
+    except McapError:
+        return True
+
+
 def whole_records(stream: IO[bytes], found: Unfinished | None = None) -> Iterator[McapRecord]:
     """Yield the records for `scan`, with one chunk in memory at a time."""
     noted = Unfinished() if found is None else found

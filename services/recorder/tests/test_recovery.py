@@ -16,7 +16,7 @@ from mcap.reader import make_reader
 from duralab_bus import Continuity, StreamItem
 from duralab_proto.keys import Keys
 from duralab_proto.v1 import iterator_pb2, recorder_pb2, rig_pb2
-from duralab_recordings import MAGIC, is_finished
+from duralab_recordings import MAGIC, is_begun, is_finished
 from recorder.format import DAMAGED_FOLDER, Summary, files_of, read_summary, recordings_in
 from recorder.log import Archive, Placement
 from recorder.reading import describe, verify
@@ -265,6 +265,30 @@ def test_a_file_that_was_only_begun_is_put_aside_and_its_name_is_free(tmp_path, 
     assert (tmp_path / "damaged" / "demo.mcap").stat().st_size == size
     again.commit("demo", step_of(0, campaign.specification()))
     again.close()
+
+
+def test_a_file_is_begun_where_a_repair_finds_a_step(tmp_path, campaign, step_of):
+    archive = Archive(tmp_path, least_free_bytes=0)
+    archive.commit("demo", step_of(0, campaign.specification()))
+    content = (tmp_path / "demo.mcap").read_bytes()
+    archive.close()
+    found = set()
+    for size in {*range(0, len(content), 61), *range(len(content) - 45, len(content) + 1)}:
+        folder = tmp_path / str(size)
+        folder.mkdir()
+        path = folder / "demo.mcap"
+        path.write_bytes(content[:size])
+        begun = is_begun(path)
+        Archive(folder, least_free_bytes=0).recover()
+        assert path.is_file() == begun, size
+        found.add(begun)
+    assert found == {False, True}
+
+
+def test_a_damaged_file_is_begun(tmp_path):
+    path = tmp_path / "demo.mcap"
+    path.write_bytes(b"not an MCAP file")
+    assert is_begun(path)
 
 
 @pytest.mark.parametrize("ending", ["killed", "killed twice", "closed", "split"])
