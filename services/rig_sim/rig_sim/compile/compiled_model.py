@@ -13,6 +13,7 @@ from llvmlite import binding as llvm
 from numpy.typing import ArrayLike
 
 from rig_sim.compile.integrate import COMPLETED, PLAY_SIGNATURE, Method, padded, play_symbol
+from rig_sim.compile.short_addresses import IS_POSSIBLE, shortened
 
 #: Functions called on processors without the instruction.
 _LIBM = ("fma", "floor")
@@ -46,7 +47,15 @@ def compile_module(text: str, *, optimization: int = 2) -> CompiledModule:
     tuning.slp_vectorization = False
     builder = llvm.create_pass_builder(target, tuning)
     builder.getModulePassManager().run(module, builder)
+    if IS_POSSIBLE:
+        module = llvm.parse_assembly(_as_module(shortened(target.emit_assembly(module), "derivative")), context)
     return link_module(target.emit_object(module), context)
+
+
+def _as_module(assembly: str) -> str:
+    """Return a module of an assembly."""
+    lines = (line.replace("\\", "\\5C").replace('"', "\\22") for line in assembly.split("\n"))
+    return "\n".join(f'module asm "{line}"' for line in lines)
 
 
 def link_module(code: bytes, context: llvm.ContextRef | None = None) -> CompiledModule:
@@ -78,6 +87,7 @@ def _dispose(engine: llvm.ExecutionEngine, context: llvm.ContextRef) -> None:
 def _initialize() -> None:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+    llvm.initialize_native_asmparser()
     # LLVM looks up symbols in the process, where a statically linked Python has no libm: register the addresses.
     library = ctypes.CDLL("libm.so.6" if sys.platform == "linux" else ctypes.util.find_library("m"))
     for name in _LIBM:

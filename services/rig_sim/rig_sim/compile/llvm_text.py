@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from rig_sim.compile.constants import Table
 from rig_sim.compile.operations import INVERSE_SQRT_BITS, LEAVES, Operation
+from rig_sim.compile.short_addresses import FREES_REGISTERS, IS_POSSIBLE
 from rig_sim.compile.tracing import Expression, TracedModel, creation_order
 
 SCALAR = "double"
@@ -140,6 +141,7 @@ def function_text(main: Sequence[str], outputs: Sequence[str], kind: Kind, table
         [
             # noinline: the loop that calls it at every stage must not hold as many copies of it
             f"define void @derivative({parameters}) noinline nounwind{kind.attributes} {{",
+            *([FREES_REGISTERS] if IS_POSSIBLE else []),
             *main,
             "%wanted = icmp ne ptr %result1, null",
             "br i1 %wanted, label %outputs, label %end",
