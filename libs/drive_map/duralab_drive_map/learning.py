@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Sequence, Set
 from dataclasses import dataclass, replace
 from typing import Final, Generic, TypeAlias
 
@@ -27,6 +27,8 @@ from duralab_spectra import as_record, rms
 Estimate: TypeAlias = Callable[[NDArray[np.float64]], ModelT]
 # Share by which a term must lower the cross-validated residual.
 _LEAST_GAIN: Final = 0.02
+# The same for a further drive that follows a product of the map before: few candidates, so few by chance.
+_LEAST_GAIN_OF_KNOWN: Final = 0.005
 # Least distance of a term's coefficients from 0, together, in standard deviations.
 _LEAST_SIGNIFICANCE: Final = 4.0
 # Each of the two folds has a group of four pieces.
@@ -110,9 +112,11 @@ def learn_drive_map(
     it, until a round lowers the residual by less than 5 %. A term that explains little must also lower the residual of
     the new FRF by 2 %.
 
-    A map that is learned again keeps the terms of the previous one, with new coefficients. It replaces that one only if
-    it lowers the cross-validated residual of the record by 2 %, and if the RMS of the drives of all products is twice
-    that in the record of the previous map: a quieter record is less informative.
+    A map that is learned again keeps the terms of the previous one, with new coefficients. Other drives may follow the
+    same products, if each lowers the residual by 0.5 %; other products are no candidates, because they also explain
+    where the FRF is wrong. The map replaces the previous one only if it lowers the cross-validated residual of the
+    record by 2 %, and if the RMS of the drives of all products is twice that in the record of the previous map: a
+    quieter record is less informative.
 
     Parameters
     ----------
@@ -241,7 +245,7 @@ def _learn_in_rounds(
 
 
 def _learn_again(record: _Record[ModelT], folds: Folds, start: DriveMap) -> LearnedDriveMap[ModelT]:
-    """Fit the terms of a map to a louder record, and choose more."""
+    """Fit the terms of a map to a louder record, and choose more drives that follow its products."""
     names, model = record.identity.names, record.model
     leaders = sorted({drive for term in start.terms for drive in term.product})
     quieter = [names[i] for i in leaders if record.identity.scale[i] < _LOUDER * start.scale[i]]
@@ -265,16 +269,20 @@ def _learn_again(record: _Record[ModelT], folds: Folds, start: DriveMap) -> Lear
 def _choose(
     folds: Folds, names: tuple[str, ...], *, kept: Sequence[Candidate] = ()
 ) -> tuple[list[Candidate], tuple[str, ...]]:
-    """Choose candidates one by one after the kept ones, and report why one that explains enough was not chosen."""
-    chosen = list(kept)
+    """Choose candidates one by one after the kept ones, and report why one that explains enough was not chosen.
+
+    With kept ones only their products are candidates.
+    """
+    chosen, known = list(kept), {product for _, product in kept}
+    least_gain = _LEAST_GAIN_OF_KNOWN if known else _LEAST_GAIN
     residual = folds.cross_validated(chosen) if chosen else 1.0
     while len(chosen) < _MOST_TERMS:
-        best = _best(folds, chosen)
+        best = _best(folds, chosen, known)
         if best is None:
             break
         tried = [*chosen, best]
         left = folds.cross_validated(tried)
-        if not left <= (1.0 - _LEAST_GAIN) * residual:
+        if not left <= (1.0 - least_gain) * residual:
             break
         significance = _significance(folds, tried)[1][-1]
         if significance < _LEAST_SIGNIFICANCE:
@@ -287,8 +295,8 @@ def _choose(
     return chosen, ()
 
 
-def _best(folds: Folds, chosen: list[Candidate]) -> Candidate | None:
-    """Return the candidate that explains most and closes no cycle, or None."""
+def _best(folds: Folds, chosen: list[Candidate], known: Set[int]) -> Candidate | None:
+    """Return the candidate that explains most and closes no cycle, of the known products if there are any, or None."""
     products = folds.pieces.products
     terms = [MapTerm(follower, products[number], (0.0,) * COEFFICIENTS) for follower, number in chosen]
     gains = folds.whole.gains(chosen)
@@ -296,7 +304,8 @@ def _best(folds: Folds, chosen: list[Candidate]) -> Candidate | None:
         follower, number = (int(each) for each in np.unravel_index(flat, gains.shape))
         if gains[follower, number] <= 0.0:
             return None
-        if (follower, number) not in chosen and not closes_cycle(follower, products[number], terms):
+        is_candidate = (follower, number) not in chosen and (not known or number in known)
+        if is_candidate and not closes_cycle(follower, products[number], terms):
             return follower, number
     return None
 

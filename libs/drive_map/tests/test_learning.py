@@ -169,6 +169,32 @@ def test_a_map_that_knows_two_thirds_of_an_arc_learns_the_rest_from_a_louder_rec
     assert "explains the record as well" in same.remarks[0]
 
 
+def test_learned_again_other_drives_may_follow_its_products_and_no_other_product_is_added():
+    # Three delays: lateral follows an arc, longitudinal a weak one, and a product of others explains a wrong FRF.
+    rng, names, samples = np.random.default_rng(5), ("vertical", "lateral", "longitudinal"), round(75.0 * SAMPLE_RATE)
+    noise = np.vstack([drive(seed=3), drive(seed=4)[1:]])
+    u = noise / rms(noise)[:, None] * np.array([0.02, 0.004, 0.004])[:, None]
+    vertical, lateral = u[:2]
+    followed = [0.0 * vertical, KAPPA * vertical**2, 0.5 * vertical**2 + 10.0 * vertical * lateral]
+    y = np.roll(u + followed, 1, axis=1)
+    y += 0.02 * rms(y)[:, None] * rng.standard_normal((3, samples))
+    frequency, _ = frequency_response()
+    delay = np.exp(-2j * np.pi * frequency / SAMPLE_RATE)[:, None, None] * np.eye(3)
+    model = model_of(frequency, delay)
+
+    def learned(**options):
+        found = learn_drive_map(u, y, model=model, names=names, units=("m",) * 3, **options).drive_map
+        return found, {(term.follower, term.product) for term in found.terms}
+
+    whole, all_terms = learned()
+    assert all_terms == {(1, (0, 0)), (2, (0, 0)), (2, (0, 1))}
+    start = weaker(replace(whole, terms=tuple(term for term in whole.terms if term.follower == 1)), 2.0 / 3.0)
+    again, terms = learned(start=start)
+    assert terms == {(1, (0, 0)), (2, (0, 0))}
+    coefficients = {term.follower: again.static_coefficient(term) for term in again.terms}
+    assert coefficients == {1: pytest.approx(-KAPPA, rel=0.02), 2: pytest.approx(-0.5, rel=0.05)}
+
+
 def test_a_quieter_record_teaches_nothing_again():
     u = drive(seed=3)
     start = learn(u, play_arc(u), exact_model()).drive_map

@@ -103,8 +103,8 @@ class DriveMapSettings(Section):
 
     learn: bool = Field(
         default=True,
-        description="Learn from the identification which drives follow products of others, as on the arc of an arm; a "
-        "rig without arcs keeps its drives as they are.",
+        description="Learn from the identification, and again from the first playback, which drives follow products "
+        "of others, as on the arc of an arm; a rig without arcs keeps its drives as they are.",
     )
 
 

@@ -49,16 +49,21 @@ def test_a_map_is_asked_for_with_the_weights_of_the_responses():
     assert not request.HasField("drive_map")
 
 
-def test_the_map_of_the_model_is_used_and_one_is_learned_later_where_it_has_none():
+def test_the_map_of_the_model_is_learned_again_and_one_is_learned_later_where_it_has_none():
     plan = planned()
-    found = checked_drive_map(model(plan), start(plan), plan=plan)
+    drives = plan.limits.names, plan.limits.units
+    displaced = tuple(drive.kind == array_pb2.CHANNEL_KIND_DISPLACEMENT for drive in plan.description.drives)
+    # A correction starts near the playback that the map is for.
+    found = checked_drive_map(model(plan), start(plan), plan=plan, corrects=True)
     assert [(term.follower, term.product) for term in found.terms] == [(1, (0, 0))]
     assert found.names == plan.limits.names
-    assert checked_drive_map(identifier_pb2.Model(), start(plan), plan=plan) == MapFromFirstPlayback(
-        plan.limits.names,
-        plan.limits.units,
-        may_follow=tuple(drive.kind == array_pb2.CHANNEL_KIND_DISPLACEMENT for drive in plan.description.drives),
-    )
+    again = checked_drive_map(model(plan), start(plan), plan=plan)
+    assert again == MapFromFirstPlayback(*drives, may_follow=displaced, start=found)
+    without_terms = model(plan)
+    del without_terms.drive_map.terms[:]
+    assert checked_drive_map(without_terms, start(plan), plan=plan).is_identity
+    later = checked_drive_map(identifier_pb2.Model(), start(plan), plan=plan)
+    assert later == MapFromFirstPlayback(*drives, may_follow=displaced)
     without = planned(learn=False)
     assert checked_drive_map(identifier_pb2.Model(), start(without), plan=without) is None
 

@@ -189,7 +189,9 @@ class Campaign:
         with self._doing("inverting the model"):
             start = checked_model(model, plan=plan)
             self._holds.begin(model, start)
-            drive_map = checked_drive_map(model, start, plan=plan)
+            first_drive = self._known.first_drive
+            corrects = first_drive is not None and first_drive.of_this_target
+            drive_map = checked_drive_map(model, start, plan=plan, corrects=corrects)
             self._board.add_remarks([f"Identification: {warning.sentence}" for warning in model.warnings])
             self._board.show_first_drive(first_drive_metrics(self._known, start, plan=plan))
             self._board.add_remarks(map_remarks(model.drive_map))

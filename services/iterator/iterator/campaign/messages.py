@@ -222,17 +222,19 @@ def checked_model(model: identifier_pb2.Model, *, plan: CampaignPlan) -> RigMode
 
 
 def checked_drive_map(
-    model: identifier_pb2.Model, start: RigModel, *, plan: CampaignPlan
+    model: identifier_pb2.Model, start: RigModel, *, plan: CampaignPlan, corrects: bool = False
 ) -> DriveMap | MapFromFirstPlayback | None:
     """Check the drive map of a model and return the drive map for the iteration.
 
-    `model`: As received, untrusted. `start`: From `checked_model`. `plan`: Plan of the campaign.
-    Returns: The map of the model; if it has none and the settings request one, a `MapFromFirstPlayback`.
+    `model`: As received, untrusted. `start`: From `checked_model`. `plan`: Plan of the campaign. `corrects`: Whether
+    the campaign continues from a playback of its target, near which the map was learned.
+    Returns: The map of the model, to be learned again from the first playback unless it is the identity; if the model
+    has none and the settings request one, one that is learned from the first playback.
     Raises `FaultError`: DATA_LOSS if the map is damaged; FAILED_PRECONDITION if rig or model do not allow it.
     """
     limits = plan.limits
+    displaced = tuple(drive.kind == array_pb2.CHANNEL_KIND_DISPLACEMENT for drive in plan.description.drives)
     if not model.HasField("drive_map"):
-        displaced = tuple(drive.kind == array_pb2.CHANNEL_KIND_DISPLACEMENT for drive in plan.description.drives)
         learn = plan.settings.update.drive_map.learn
         return MapFromFirstPlayback(limits.names, limits.units, may_follow=displaced) if learn else None
     try:
@@ -247,7 +249,9 @@ def checked_drive_map(
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The drive map is of no use: {error}", field="drive_map"
         ) from error
-    return drive_map
+    if drive_map.is_identity or corrects:
+        return drive_map
+    return MapFromFirstPlayback(limits.names, limits.units, may_follow=displaced, start=drive_map)
 
 
 def _uncertainty(model: identifier_pb2.Model, *, lines: int, responses: int, drives: int) -> ModelUncertainty | None:
