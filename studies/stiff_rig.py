@@ -71,8 +71,8 @@ UPDATES_TRIED: Final = (
         "#3d8b4f",
     ),
 )
-#: Gains that keep forces at those of the target while the map is learned again; and a level that costs little.
-CAREFUL: Final = SECANT.model_copy(update={"gain_schedule": (0.7, 0.85, 1.0)})
+#: Gains of `front_axle_demo`, which keep forces small until the map is learned again; and a level that costs little.
+CAREFUL: Final = SECANT.model_copy(update={"gain_schedule": (0.6, 0.8, 1.0)})
 QUIET: Final[Level] = (0.0013, 2e-5, 1e-4)
 ROAD, OTHER_ROAD, REACHABLE = "road", "other road", "own"
 RIGS: Final = ("front_axle", "macpherson")
@@ -372,7 +372,7 @@ def levels_table(road: NDArray[np.float64], own: NDArray[np.float64], extent: Ex
 def careful_table(own: NDArray[np.float64], extent: Extent) -> str:
     """Write what campaigns with small first steps, and a map that is learned again, cost the specimen."""
     playbacks = min(5, extent.playbacks)
-    head = ["identified at, mm RMS, seed; front_axle, own target, gains 0.7, 0.85, 1", "passes of the identification"]
+    head = ["identified at, mm RMS, seed; front_axle, own target, gains 0.6, 0.8, 1", "passes of the identification"]
     head += [f"worst channel after {number}" for number in range(1, playbacks + 1)] + [
         "largest force over the target's"
     ]
