@@ -71,7 +71,7 @@ UPDATES_TRIED: Final = (
         "#3d8b4f",
     ),
 )
-#: Gains of `front_axle_demo`, which keep forces small until the map is learned again; and a level that costs little.
+#: Gains that keep forces small until the map is learned again, and a level that costs the specimen little.
 CAREFUL: Final = SECANT.model_copy(update={"gain_schedule": (0.6, 0.8, 1.0)})
 QUIET: Final[Level] = (0.0013, 2e-5, 1e-4)
 ROAD, OTHER_ROAD, REACHABLE = "road", "other road", "own"
