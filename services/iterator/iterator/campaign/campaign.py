@@ -189,8 +189,8 @@ class Campaign:
         with self._doing("inverting the model"):
             start = checked_model(model, plan=plan)
             self._holds.begin(model, start)
-            first_drive = self._known.first_drive
-            corrects = first_drive is not None and first_drive.of_this_target
+            first = self._known.first_drive
+            corrects = first is not None and (first.of_this_target or first.response is None)
             drive_map = checked_drive_map(model, start, plan=plan, corrects=corrects)
             self._board.add_remarks([f"Identification: {warning.sentence}" for warning in model.warnings])
             self._board.show_first_drive(first_drive_metrics(self._known, start, plan=plan))

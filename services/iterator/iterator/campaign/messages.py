@@ -227,7 +227,7 @@ def checked_drive_map(
     """Check the drive map of a model and return the drive map for the iteration.
 
     `model`: As received, untrusted. `start`: From `checked_model`. `plan`: Plan of the campaign. `corrects`: Whether
-    the campaign continues from a playback of its target, near which the map was learned.
+    the campaign begins with a drive that was made for its target: it stays near that drive, and keeps its map.
     Returns: The map of the model, to be learned again from the first playback unless it is the identity; if the model
     has none and the settings request one, one that is learned from the first playback.
     Raises `FaultError`: DATA_LOSS if the map is damaged; FAILED_PRECONDITION if rig or model do not allow it.
