@@ -20,6 +20,8 @@ def campaign(name: str, *, iso_class: str = "C/D", rig: str = "front_axle", **ch
     road = {"iso_class": iso_class, "seed": 12, "duration": 10.0}
     content |= {"name": name, "rig": rig, "target": {"road": road, "vehicle": "predecessor", "speed": 15.0}}
     content["stop"] |= {"relative_rms_error": 0.1, "iterations": 6}
+    # Larger first gains than those of the demo, so that a campaign without knowledge is not slow because of them.
+    content["update"]["gain_schedule"] = [0.8, 1.0]
     return parse_campaign(yaml.safe_dump(content | changes), name=name)
 
 
