@@ -10,6 +10,7 @@ from iterator import MapFromFirstPlayback
 from iterator.campaign import identification_request, new_campaign, plan_campaign
 from iterator.campaign.messages import checked_drive_map
 from iterator.campaign.recorded import RecordedCampaign
+from iterator.campaign.remarks import map_remarks
 from iterator.model import RigModel
 
 from .linear_rig import description, experiment_plan, specification
@@ -98,3 +99,12 @@ def test_a_model_with_a_map_cannot_be_resumed_without_it():
         new_campaign(recorded, request)
     request.update.ClearField("drive_map")
     new_campaign(recorded, request)
+
+
+def test_a_remark_has_the_source_of_a_map():
+    drive_map = identifier_pb2.DriveMap(remarks=["The term is not chosen."])
+    assert map_remarks(drive_map) == ["The term is not chosen."]
+    drive_map.terms.add(sentence="lateral follows −1.7 /m × vertical²")
+    said = "lateral follows −1.7 /m × vertical²."
+    assert map_remarks(drive_map)[0] == f"Drive map learned from the identification: {said}"
+    assert map_remarks(drive_map, source="playback 1")[0] == f"Drive map learned from playback 1: {said}"

@@ -49,17 +49,21 @@ def remarks_of(
         ),
         *(f"{of_it}{sentence}" for sentence in _not_reproduced(iteration, plan)),
         *_bound_passed(iteration, plan),
-        *(() if iteration.learned is None else map_remarks(to_message(iteration.learned))),
+        *(
+            ()
+            if iteration.learned is None
+            else map_remarks(to_message(iteration.learned), source=f"playback {iteration.number}")
+        ),
         *(_growth(iteration, plan) if iteration.outcome is None else ()),
     ]
     # The standstills of a recorded playback are in its step and are found again.
     return list(dict.fromkeys(remarks))
 
 
-def map_remarks(drive_map: identifier_pb2.DriveMap) -> list[str]:
-    """Return remarks on the terms of the drive map and on the terms that were not chosen."""
+def map_remarks(drive_map: identifier_pb2.DriveMap, *, source: str = "the identification") -> list[str]:
+    """Return remarks on the terms of the drive map from a source, and on the terms that were not chosen."""
     terms = "; ".join(term.sentence for term in drive_map.terms)
-    return [*([f"Drive map: {terms}."] if terms else ()), *drive_map.remarks]
+    return [*([f"Drive map learned from {source}: {terms}."] if terms else ()), *drive_map.remarks]
 
 
 def standstills_in_words(found: Sequence[Standstill], *, plan: CampaignPlan, then: str) -> list[str]:
