@@ -26,7 +26,7 @@ _ACCESS: Final = re.compile(r"(-?\d*)\(%(\w+)\)")
 _CHANGES_STACK: Final = re.compile(r"\s+(push|pop|call|ret|leave|enter)|.*, *%rsp$")
 #: Instructions that change no register but the one they name last.
 _INSTRUCTION: Final = re.compile(r"\s+(v|k|mov|lea|test|cmp|j|nop)\w*")
-#: Vectors that need a longer form of an instruction, which has short distances of its own.
+#: Vectors that need a longer form of an instruction, which counts distances in lengths of the vector.
 _LONG_FORM: Final = re.compile(r"zmm|\{|[xy]mm(?:1[6-9]|2\d|3[01])")
 #: Bytes of a cell of memory, and the cells that a register reaches before, and from, where it points.
 _CELL: Final = 16
