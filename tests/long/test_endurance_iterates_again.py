@@ -51,6 +51,9 @@ def test_iterating_again_gives_the_event_another_drive_and_the_test_goes_on(shor
     again = duralab.open_recording(recordings / "again-road-1.mcap")
     assert again.model.id == made.recording.model.id
     steps = list(again.messages(iterator_pb2.IterationStep))
+    # A campaign learns its map again, a correction keeps it.
+    assert next(made.recording.messages(iterator_pb2.IterationStep)).HasField("learned_drive_map")
+    assert not any(step.HasField("learned_drive_map") for step in steps)
     # A person may have changed the specimen: the present drive is played before two corrections.
     assert len(steps) <= 3
     # It began where the campaign ended, on a specimen that is the same: nothing is lost by it.

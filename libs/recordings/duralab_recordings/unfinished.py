@@ -190,19 +190,15 @@ def is_begun(path: Path) -> bool:
     Returns
     -------
     bool
-        False if it holds no whole message. True also for a damaged file: reading it shows the damage.
-
-    Raises
-    ------
-    OSError
-        If it is a FIFO, a socket or a device, or cannot be read.
+        False if it holds no whole message. True also for a file that is damaged or cannot be read: its reader shows
+        the reason.
     """
     try:
         check_begin(path)
         with path.open("rb") as stream:
             # As a repair reads it: a chunk without its indexes is cut off.
             return any(isinstance(record, Message) for record in whole_records(stream, Unfinished()))
-    except McapError:
+    except (*DAMAGE, OSError):
         return True
 
 

@@ -285,10 +285,14 @@ def test_a_file_is_begun_where_a_repair_finds_a_step(tmp_path, campaign, step_of
     assert found == {False, True}
 
 
-def test_a_damaged_file_is_begun(tmp_path):
+def test_what_is_damaged_or_cannot_be_read_is_left_to_its_reader(tmp_path):
     path = tmp_path / "demo.mcap"
+    assert is_begun(path)
     path.write_bytes(b"not an MCAP file")
     assert is_begun(path)
+    os.mkfifo(tmp_path / "pipe.mcap")
+    assert is_begun(tmp_path / "pipe.mcap")
+    assert is_begun(tmp_path)
 
 
 @pytest.mark.parametrize("ending", ["killed", "killed twice", "closed", "split"])
