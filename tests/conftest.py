@@ -28,9 +28,9 @@ def no_lab_of_the_user(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Non
         yield
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def short_document() -> dict[str, Any]:
-    """The shipped demo campaign on the compliant rig, cut down to a few seconds of everything."""
+    """The shipped demo campaign on the compliant rig, cut down to a few seconds of everything, read anew per module."""
     shipped = Path(duralab.__file__).with_name("campaign") / "shipped" / "front_axle_demo.yaml"
     document = yaml.safe_load(shipped.read_text())
     # Converges without a drive map.

@@ -65,8 +65,8 @@ def test_iterating_again_gives_the_event_another_drive_and_the_test_goes_on(shor
 def test_a_correction_beyond_an_abort_limit_is_stopped_and_the_rig_latched(short_document, tmp_path: Path):
     campaign, schedule = tmp_path / "made.yaml", tmp_path / "schedule.yaml"
     # One small step, so that the correction has to raise the responses.
-    short_document["stop"]["iterations"] = 1
-    campaign.write_text(yaml.safe_dump(short_document | {"name": "made"}))
+    one_step = {"name": "made", "stop": short_document["stop"] | {"iterations": 1}}
+    campaign.write_text(yaml.safe_dump(short_document | one_step))
     recordings = tmp_path / "recordings"
     with duralab.start(tmp_path / "out", rigs=(RIG, "predecessor"), recordings=recordings, endurance=True) as lab:
         lab.run(campaign)
