@@ -60,6 +60,7 @@ def check_against_rig(campaign: Campaign, rig: Rig) -> None:
     source = campaign.target.road or campaign.target.opencrg
     for key, seconds in (
         ("excitation.duration", excitation.duration),
+        ("excitation.at_target.duration", 0.0 if excitation.at_target is None else excitation.at_target.duration),
         ("target duration", source.duration if source else 0.0),
     ):
         if seconds > rig.longest_drive_seconds:
@@ -172,6 +173,8 @@ def build_specification(
         scenario=campaign.text,
     )
     fill_message(specification, campaign.control_band)
+    if campaign.excitation.at_target is not None:
+        fill_message(specification.at_target, campaign.excitation.at_target)
     if campaign.hold is not None:
         fill_message(specification.hold, campaign.hold)
     fill_message(specification, campaign, model=PlaybackSettings)

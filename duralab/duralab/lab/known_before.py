@@ -23,7 +23,7 @@ from duralab.lab.recordings_folder import RecordingsPlace
 from duralab.near_files import did_you_mean
 from duralab.recording import Recording, open_recording
 from duralab_bus import FaultError
-from duralab_proto.v1 import identifier_pb2, iterator_pb2
+from duralab_proto.v1 import iterator_pb2
 from duralab_recordings import part_path
 
 _SECTION: Final = "-section"
@@ -48,7 +48,7 @@ def fill_known(
     known = specification.known
     if start.model is not None:
         with _recording(start.model, ask=ask, folder=folder, field="start_from.model") as recording:
-            model = next(recording.messages(identifier_pb2.Model), None)
+            model = recording.model_message
             if model is None:
                 raise InputError(
                     f"start_from.model is {start.model!r}, a recording without a model; name that of a campaign whose "

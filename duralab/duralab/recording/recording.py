@@ -246,9 +246,15 @@ class Recording:
     @cached_property
     def model(self) -> Model | None:
         """Model of the rig; None if the campaign ended before its identification."""
-        message = next(self.messages(identifier_pb2.Model), None)
+        message = self.model_message
         with input_errors(), within_contract(self.path):
             return Model.from_message(message) if message is not None else None
+
+    @cached_property
+    def model_message(self) -> identifier_pb2.Model | None:
+        """Last model of the identification, which the iteration started from, as recorded; None if there is none."""
+        last = deque(self.messages(identifier_pb2.Model), maxlen=1)
+        return last[0] if last else None
 
     @cached_property
     def _iterations(self) -> list[tuple[iterator_pb2.IterationMetrics, tuple[ActuatorUse, ...], tuple[str, ...]]]:

@@ -8,6 +8,7 @@ also here, for rigs, campaigns, sweeps and configurations.
 
 from duralab_settings.estimator import BlockSettings, EstimatorKind, EstimatorSettings
 from duralab_settings.excitation import (
+    AtTarget,
     DriveSpectrum,
     ExcitationKind,
     ExcitationSettings,
@@ -52,6 +53,7 @@ __all__ = [
     "LARGEST_TEXT",
     "OPEN_BINARY",
     "Acceptance",
+    "AtTarget",
     "BlockSettings",
     "ControlBandSettings",
     "CorrectionPrediction",

@@ -312,6 +312,15 @@ class DriveSpectrum(Section):
         return self
 
 
+class AtTarget(Section):
+    """Second experiment of an identification: by the model of the first its responses have the target's spectra."""
+
+    level: float = Field(
+        default=0.5, gt=0, le=1, description="RMS of the controlled responses over that of the target."
+    )
+    duration: Positive = Field(le=36000, description="Length of the second experiment, in seconds.")
+
+
 class ExcitationSettings(ExcitationMethod):
     """Experiment that identifies the rig."""
 
@@ -328,6 +337,27 @@ class ExcitationSettings(ExcitationMethod):
     peak: PositivePerChannel | None = Field(
         default=None, description="Instead of rms: largest magnitude of the drives."
     )
+    at_target: AtTarget | None = Field(
+        default=None,
+        description="Second experiment at the level of the target, e.g. {level: 0.5, duration: 75}: the first one can "
+        "then be quiet; left out: none.",
+    )
+
+    @model_validator(mode="after")
+    def _check_second_experiment(self) -> Self:
+        if self.at_target is not None and not self.kind.is_multisine:
+            raise MisfitError(
+                f"has at_target for {self.kind.value}; only a multisine can have the spectra of a target, so take "
+                "random_orthogonal or leave it out",
+                field="at_target",
+            )
+        if self.at_target is not None and 2 * self.fade >= self.at_target.duration:
+            raise MisfitError(
+                f"has fades of {self.fade:g} s in {self.at_target.duration:g} s of at_target; nothing would be left, "
+                "so take a longer one",
+                field="at_target.duration",
+            )
+        return self
 
     @model_validator(mode="after")
     def _check_band(self) -> Self:

@@ -13,6 +13,7 @@ from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, iterator_pb2
 from duralab_settings import (
     Acceptance,
+    AtTarget,
     ControlBandSettings,
     DamageExponent,
     Decision,
@@ -49,6 +50,7 @@ WHOLE = {
     DriveMapSettings: iterator_pb2.DriveMapSettings,
     StopCriteria: iterator_pb2.StopCriteria,
     Acceptance: iterator_pb2.Acceptance,
+    AtTarget: iterator_pb2.AtTarget,
     HoldSettings: iterator_pb2.HoldSettings,
 }
 """Models whose messages hold nothing else."""
@@ -57,7 +59,7 @@ PARTS = {
     ControlBandSettings: iterator_pb2.CampaignSpec,
     Decision: iterator_pb2.Decision,
 }
-NO_SETTINGS = {"Record", "Array", "TargetStep", "DriveMapRequest", "KnownBefore"}
+NO_SETTINGS = {"Record", "Array", "TargetStep", "DriveMapRequest", "TargetShape", "KnownBefore"}
 """Messages in a specification that hold signals and what was done with them, or figures that were found before."""
 
 PINK = {"lowest_frequency": 1.0, "highest_frequency": 50.0, "corner_frequency": 5.0, "decibels_per_octave": 3.0}

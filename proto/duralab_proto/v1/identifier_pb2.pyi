@@ -144,7 +144,7 @@ class Estimator(_message.Message):
     def __init__(self, kind: _Optional[_Union[EstimatorKind, str]] = ..., block_samples: _Optional[int] = ..., overlap: _Optional[float] = ..., local_order: _Optional[int] = ..., local_half_width: _Optional[int] = ...) -> None: ...
 
 class IdentifyRequest(_message.Message):
-    __slots__ = ("rig", "excitation", "estimator", "run", "rig_seed", "check_only", "real_time", "drive_map")
+    __slots__ = ("rig", "excitation", "estimator", "run", "rig_seed", "check_only", "real_time", "drive_map", "shape")
     RIG_FIELD_NUMBER: _ClassVar[int]
     EXCITATION_FIELD_NUMBER: _ClassVar[int]
     ESTIMATOR_FIELD_NUMBER: _ClassVar[int]
@@ -153,6 +153,7 @@ class IdentifyRequest(_message.Message):
     CHECK_ONLY_FIELD_NUMBER: _ClassVar[int]
     REAL_TIME_FIELD_NUMBER: _ClassVar[int]
     DRIVE_MAP_FIELD_NUMBER: _ClassVar[int]
+    SHAPE_FIELD_NUMBER: _ClassVar[int]
     rig: str
     excitation: Excitation
     estimator: Estimator
@@ -161,7 +162,22 @@ class IdentifyRequest(_message.Message):
     check_only: bool
     real_time: bool
     drive_map: DriveMapRequest
-    def __init__(self, rig: _Optional[str] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., run: _Optional[str] = ..., rig_seed: _Optional[int] = ..., check_only: _Optional[bool] = ..., real_time: _Optional[bool] = ..., drive_map: _Optional[_Union[DriveMapRequest, _Mapping]] = ...) -> None: ...
+    shape: TargetShape
+    def __init__(self, rig: _Optional[str] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., run: _Optional[str] = ..., rig_seed: _Optional[int] = ..., check_only: _Optional[bool] = ..., real_time: _Optional[bool] = ..., drive_map: _Optional[_Union[DriveMapRequest, _Mapping]] = ..., shape: _Optional[_Union[TargetShape, _Mapping]] = ...) -> None: ...
+
+class TargetShape(_message.Message):
+    __slots__ = ("model", "target", "lowest_frequency", "highest_frequency", "level")
+    MODEL_FIELD_NUMBER: _ClassVar[int]
+    TARGET_FIELD_NUMBER: _ClassVar[int]
+    LOWEST_FREQUENCY_FIELD_NUMBER: _ClassVar[int]
+    HIGHEST_FREQUENCY_FIELD_NUMBER: _ClassVar[int]
+    LEVEL_FIELD_NUMBER: _ClassVar[int]
+    model: Model
+    target: _array_pb2.Record
+    lowest_frequency: float
+    highest_frequency: float
+    level: float
+    def __init__(self, model: _Optional[_Union[Model, _Mapping]] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., level: _Optional[float] = ...) -> None: ...
 
 class DriveMapRequest(_message.Message):
     __slots__ = ("response_weight",)
@@ -380,7 +396,7 @@ class ModelRequest(_message.Message):
     def __init__(self) -> None: ...
 
 class Model(_message.Message):
-    __slots__ = ("id", "rig", "drives", "responses", "sample_rate", "frequency", "frf", "coherence", "condition_number", "drive_psd", "response_psd", "excitation", "estimator", "blocks", "independent_averages", "rig_content_hash", "run", "signal_epoch", "signal_blocks", "frf_variance", "residual_psd", "row_covariance", "lowest_frequency", "highest_frequency", "interpolated", "warnings", "distortion", "plan", "verdicts", "drive_map", "response_damage", "static_gain", "static_change")
+    __slots__ = ("id", "rig", "drives", "responses", "sample_rate", "frequency", "frf", "coherence", "condition_number", "drive_psd", "response_psd", "excitation", "estimator", "blocks", "independent_averages", "rig_content_hash", "run", "signal_epoch", "signal_blocks", "frf_variance", "residual_psd", "row_covariance", "lowest_frequency", "highest_frequency", "interpolated", "warnings", "distortion", "plan", "verdicts", "drive_map", "response_damage", "static_gain", "static_change", "shaped_by", "target_level")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     DRIVES_FIELD_NUMBER: _ClassVar[int]
@@ -414,6 +430,8 @@ class Model(_message.Message):
     RESPONSE_DAMAGE_FIELD_NUMBER: _ClassVar[int]
     STATIC_GAIN_FIELD_NUMBER: _ClassVar[int]
     STATIC_CHANGE_FIELD_NUMBER: _ClassVar[int]
+    SHAPED_BY_FIELD_NUMBER: _ClassVar[int]
+    TARGET_LEVEL_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     drives: _containers.RepeatedCompositeFieldContainer[_array_pb2.Channel]
@@ -447,4 +465,6 @@ class Model(_message.Message):
     response_damage: _array_pb2.Array
     static_gain: _array_pb2.Array
     static_change: _array_pb2.Array
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., coherence: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., condition_number: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., blocks: _Optional[int] = ..., independent_averages: _Optional[float] = ..., rig_content_hash: _Optional[str] = ..., run: _Optional[str] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., frf_variance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., residual_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., row_covariance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., interpolated: _Optional[_Iterable[bool]] = ..., warnings: _Optional[_Iterable[_Union[ModelWarning, _Mapping]]] = ..., distortion: _Optional[_Union[Distortion, _Mapping]] = ..., plan: _Optional[_Union[ExperimentPlan, _Mapping]] = ..., verdicts: _Optional[_Iterable[str]] = ..., drive_map: _Optional[_Union[DriveMap, _Mapping]] = ..., response_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., static_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., static_change: _Optional[_Union[_array_pb2.Array, _Mapping]] = ...) -> None: ...
+    shaped_by: str
+    target_level: float
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., drives: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., responses: _Optional[_Iterable[_Union[_array_pb2.Channel, _Mapping]]] = ..., sample_rate: _Optional[float] = ..., frequency: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., frf: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., coherence: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., condition_number: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., drive_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., response_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., excitation: _Optional[_Union[Excitation, _Mapping]] = ..., estimator: _Optional[_Union[Estimator, _Mapping]] = ..., blocks: _Optional[int] = ..., independent_averages: _Optional[float] = ..., rig_content_hash: _Optional[str] = ..., run: _Optional[str] = ..., signal_epoch: _Optional[int] = ..., signal_blocks: _Optional[int] = ..., frf_variance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., residual_psd: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., row_covariance: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., interpolated: _Optional[_Iterable[bool]] = ..., warnings: _Optional[_Iterable[_Union[ModelWarning, _Mapping]]] = ..., distortion: _Optional[_Union[Distortion, _Mapping]] = ..., plan: _Optional[_Union[ExperimentPlan, _Mapping]] = ..., verdicts: _Optional[_Iterable[str]] = ..., drive_map: _Optional[_Union[DriveMap, _Mapping]] = ..., response_damage: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., static_gain: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., static_change: _Optional[_Union[_array_pb2.Array, _Mapping]] = ..., shaped_by: _Optional[str] = ..., target_level: _Optional[float] = ...) -> None: ...

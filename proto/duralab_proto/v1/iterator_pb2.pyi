@@ -357,8 +357,16 @@ class KnownBefore(_message.Message):
     first_drive: FirstDrive
     def __init__(self, model: _Optional[_Union[_identifier_pb2.Model, _Mapping]] = ..., model_source: _Optional[str] = ..., model_time: _Optional[int] = ..., largest_model_age: _Optional[float] = ..., learn_from: _Optional[_Iterable[str]] = ..., first_drive: _Optional[_Union[FirstDrive, _Mapping]] = ...) -> None: ...
 
+class AtTarget(_message.Message):
+    __slots__ = ("level", "duration")
+    LEVEL_FIELD_NUMBER: _ClassVar[int]
+    DURATION_FIELD_NUMBER: _ClassVar[int]
+    level: float
+    duration: float
+    def __init__(self, level: _Optional[float] = ..., duration: _Optional[float] = ...) -> None: ...
+
 class CampaignSpec(_message.Message):
-    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed", "levels", "parent", "parent_iteration", "limit_policy", "lower_flank", "upper_flank", "largest_overrun", "confirmations", "target_steps", "real_time", "accept", "pre_test", "hold", "known")
+    __slots__ = ("id", "rig", "target", "target_source", "excitation", "estimator", "update", "stop", "lowest_frequency", "highest_frequency", "seed", "scenario", "target_drive", "target_rig", "target_seed", "levels", "parent", "parent_iteration", "limit_policy", "lower_flank", "upper_flank", "largest_overrun", "confirmations", "target_steps", "real_time", "accept", "pre_test", "hold", "known", "at_target")
     ID_FIELD_NUMBER: _ClassVar[int]
     RIG_FIELD_NUMBER: _ClassVar[int]
     TARGET_FIELD_NUMBER: _ClassVar[int]
@@ -388,6 +396,7 @@ class CampaignSpec(_message.Message):
     PRE_TEST_FIELD_NUMBER: _ClassVar[int]
     HOLD_FIELD_NUMBER: _ClassVar[int]
     KNOWN_FIELD_NUMBER: _ClassVar[int]
+    AT_TARGET_FIELD_NUMBER: _ClassVar[int]
     id: str
     rig: str
     target: _array_pb2.Record
@@ -417,7 +426,8 @@ class CampaignSpec(_message.Message):
     pre_test: float
     hold: HoldSettings
     known: KnownBefore
-    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ..., levels: _Optional[_Iterable[float]] = ..., parent: _Optional[str] = ..., parent_iteration: _Optional[int] = ..., limit_policy: _Optional[_Union[LimitPolicy, str]] = ..., lower_flank: _Optional[float] = ..., upper_flank: _Optional[float] = ..., largest_overrun: _Optional[float] = ..., confirmations: _Optional[int] = ..., target_steps: _Optional[_Iterable[_Union[TargetStep, _Mapping]]] = ..., real_time: _Optional[bool] = ..., accept: _Optional[_Union[Acceptance, _Mapping]] = ..., pre_test: _Optional[float] = ..., hold: _Optional[_Union[HoldSettings, _Mapping]] = ..., known: _Optional[_Union[KnownBefore, _Mapping]] = ...) -> None: ...
+    at_target: AtTarget
+    def __init__(self, id: _Optional[str] = ..., rig: _Optional[str] = ..., target: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_source: _Optional[str] = ..., excitation: _Optional[_Union[_identifier_pb2.Excitation, _Mapping]] = ..., estimator: _Optional[_Union[_identifier_pb2.Estimator, _Mapping]] = ..., update: _Optional[_Union[UpdateSettings, _Mapping]] = ..., stop: _Optional[_Union[StopCriteria, _Mapping]] = ..., lowest_frequency: _Optional[float] = ..., highest_frequency: _Optional[float] = ..., seed: _Optional[int] = ..., scenario: _Optional[str] = ..., target_drive: _Optional[_Union[_array_pb2.Record, _Mapping]] = ..., target_rig: _Optional[str] = ..., target_seed: _Optional[int] = ..., levels: _Optional[_Iterable[float]] = ..., parent: _Optional[str] = ..., parent_iteration: _Optional[int] = ..., limit_policy: _Optional[_Union[LimitPolicy, str]] = ..., lower_flank: _Optional[float] = ..., upper_flank: _Optional[float] = ..., largest_overrun: _Optional[float] = ..., confirmations: _Optional[int] = ..., target_steps: _Optional[_Iterable[_Union[TargetStep, _Mapping]]] = ..., real_time: _Optional[bool] = ..., accept: _Optional[_Union[Acceptance, _Mapping]] = ..., pre_test: _Optional[float] = ..., hold: _Optional[_Union[HoldSettings, _Mapping]] = ..., known: _Optional[_Union[KnownBefore, _Mapping]] = ..., at_target: _Optional[_Union[AtTarget, _Mapping]] = ...) -> None: ...
 
 class CampaignRequest(_message.Message):
     __slots__ = ()

@@ -35,9 +35,13 @@ from identifier.excitation import (
 from identifier.experiment import (
     IdentificationSettings,
     RigUnderTest,
+    TargetShape,
     check_against_rig,
     estimate_experiment,
+    estimate_shaped,
     make_experiment,
+    shape_of,
+    shaped_experiment,
 )
 from identifier.layout import Capture, Layout, Window
 from identifier.modelling import IdentifiedModel, content_hash, from_message, to_message, with_id
@@ -72,6 +76,7 @@ __all__ = [
     "ModelWarning",
     "RigUnderTest",
     "SpectralSums",
+    "TargetShape",
     "ValidBand",
     "WarningCode",
     "Window",
@@ -84,6 +89,7 @@ __all__ = [
     "element_variance",
     "estimate",
     "estimate_experiment",
+    "estimate_shaped",
     "from_message",
     "hadamard_matrix",
     "linear_fades",
@@ -99,6 +105,8 @@ __all__ = [
     "schedule_experiment",
     "separate_distortion",
     "separated_verdicts",
+    "shape_of",
+    "shaped_experiment",
     "shortest_delay_seconds",
     "sign_matrix",
     "spectral_radius",

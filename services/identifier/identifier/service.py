@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from pydantic import Field
 
 from duralab_bus import Bus, Call, FaultError, ServiceConfig, SpanKind, span
+from duralab_drive_map import DriveMap
 from duralab_drive_map.messages import to_message as drive_map_message
 from duralab_proto.keys import ANY, id_of
 from duralab_proto.v1 import identifier_pb2, query_pb2, rig_pb2
@@ -25,16 +26,20 @@ from identifier.bus import (
     play_experiment,
     predict,
     settings_of,
+    shape_from,
 )
 from identifier.estimators import FrfEstimate
 from identifier.excitation import Experiment
 from identifier.experiment import (
     IdentificationSettings,
     RigUnderTest,
+    TargetShape,
     check_against_rig,
     estimate_experiment,
+    estimate_shaped,
     make_experiment,
     measured_static_gain,
+    shaped_experiment,
     with_names,
 )
 from identifier.modelling import (
@@ -47,6 +52,7 @@ from identifier.modelling import (
     plan_message,
     to_message,
     valid_band,
+    with_shape,
 )
 
 SERVICE = "identifier"
@@ -69,6 +75,25 @@ class _Prepared:
     settings: IdentificationSettings
     rig: RigUnderTest
     experiment: Experiment
+    shape: TargetShape | None = None
+    shaping_model: IdentifiedModel | None = None
+
+    @property
+    def start_map(self) -> DriveMap | None:
+        """Drive map that is learned again; None if none was chosen before."""
+        before = None if self.shape is None else self.shape.drive_map
+        return None if before is None or before.is_identity else before
+
+    def estimate(self, mapped: NDArray[np.float64], response: NDArray[np.float64]) -> FrfEstimate:
+        """Estimate the FRF from mapped drives to responses."""
+        estimator, layout = self.settings.estimator, self.experiment.layout
+        if self.shape is None:
+            return estimate_experiment(estimator, layout, drive=mapped, response=response)
+        return estimate_shaped(self.shape, estimator, layout, mapped=mapped, response=response)
+
+    def inputs(self, mapped: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the independent inputs of the experiment: the mapped drives, or the responses predicted for them."""
+        return mapped if self.shape is None else self.shape.predicted(mapped)
 
 
 class IdentifierService:
@@ -169,7 +194,11 @@ class IdentifierService:
             rig = describe_rig(self._bus, request.rig)
             check_against_rig(settings, rig)
             call.progress("making the drives", 0.0)
-            return _Prepared(settings=settings, rig=rig, experiment=make_experiment(settings.excitation, rig))
+            if not request.HasField("shape"):
+                return _Prepared(settings=settings, rig=rig, experiment=make_experiment(settings.excitation, rig))
+            wanted, model = shape_from(request.shape, rig=rig)
+            experiment, shape = shaped_experiment(wanted, settings.excitation, rig=rig)
+            return _Prepared(settings=settings, rig=rig, experiment=experiment, shape=shape, shaping_model=model)
 
     def _plan_of(self, prepared: _Prepared) -> identifier_pb2.ExperimentPlan:
         band = valid_band(prepared.experiment.layout)
@@ -204,12 +233,14 @@ class IdentifierService:
         rig, layout, drive = prepared.rig, prepared.experiment.layout, prepared.experiment.drive
         call.progress("estimating the FRF", at)
         excitation = prepared.settings.excitation
-        static = measured_static_gain(drive, response, excitation, sample_rate=layout.sample_rate)
+        static = None
+        if prepared.shape is None:
+            static = measured_static_gain(drive, response, excitation, sample_rate=layout.sample_rate)
         # The holds follow the record of the FRF.
         drive, response = drive[:, : layout.samples], response[:, : layout.samples]
         try:
             estimate, mapped, drive_map = self._estimated(prepared, drive, response, call, at=at)
-            levels = distortion_of(mapped, response, layout)
+            levels = distortion_of(prepared.inputs(mapped), response, layout)
         except ValueError as error:
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, with_names(str(error), rig)) from error
         model = model_of(
@@ -224,6 +255,9 @@ class IdentifierService:
             levels=levels,
             drive_map=drive_map,
         )
+        if prepared.shape is not None and prepared.shaping_model is not None:
+            wanted_level = request.shape.level
+            model = with_shape(model, prepared.shape, after=prepared.shaping_model, wanted_level=wanted_level)
         message = to_message(model)
         self._cache.put(message)
         self._identified_rigs.add(request.rig)
@@ -247,24 +281,29 @@ class IdentifierService:
         at: float,
     ) -> tuple[FrfEstimate, NDArray[np.float64], identifier_pb2.DriveMap | None]:
         """Return the estimate, its drives, and their map if one is requested."""
-        settings, layout = prepared.settings, prepared.experiment.layout
-
-        def estimate_on(played: NDArray[np.float64]) -> FrfEstimate:
-            return estimate_experiment(settings.estimator, layout, drive=played, response=response)
-
-        estimate = estimate_on(drive)
+        settings, start = prepared.settings, prepared.start_map
+        before = drive if start is None else start.to_mapped(drive)
+        estimate = prepared.estimate(before, response)
+        kept = None if prepared.shaping_model is None else prepared.shaping_model.drive_map
         if not settings.learn_drive_map:
-            return estimate, drive, None
+            return estimate, before, kept
         call.progress("learning the drive map", at)
         learned = learn_map(
             drive,
             response,
             estimate=estimate,
-            estimate_again=estimate_on,
+            estimate_again=lambda mapped: prepared.estimate(mapped, response),
             rig=prepared.rig,
             response_weight=None if settings.response_weight is None else np.array(settings.response_weight),
+            start=start,
         )
-        return learned.model.estimate, learned.drive_map.to_mapped(drive), drive_map_message(learned)
+        if start is not None and kept is not None and not learned.chosen:
+            found = identifier_pb2.DriveMap()
+            found.CopyFrom(kept)
+            found.remarks.extend(learned.remarks)
+        else:
+            found = drive_map_message(learned)
+        return learned.model.estimate, learned.drive_map.to_mapped(drive), found
 
     def _held(self, wanted: str, *, field: str = "") -> identifier_pb2.Model:
         message = self._cache.get(wanted)

@@ -33,6 +33,7 @@ from iterator.campaign import (
     CampaignBoard,
     RecordedCampaign,
     Resumption,
+    check_at_target,
     expect_free_id,
     finished_unseen,
     go_on_recording,
@@ -182,6 +183,10 @@ class IteratorService:
             # The identifier makes the same drive and checks it, before anything is stored or moves.
             request = identification_request(spec, run=identification_run(spec), check_only=True)
             experiment = self._bus.query(self._bus.keys.identify(spec.rig), request, identifier_pb2.Model).plan
+            if spec.HasField("at_target"):
+                request = check_at_target(spec)
+                second = self._bus.query(self._bus.keys.identify(spec.rig), request, identifier_pb2.Model).plan
+                experiment.duration_seconds += second.duration_seconds
         with span("transform the target", SpanKind.MATHEMATICS):
             plan = plan_campaign(spec, description, experiment)
         tested = require_pre_test(self._bus, spec, description)

@@ -133,7 +133,10 @@ class Identifier:
         call.progress("playing", 0.5)
         if request.run in self.refused:
             raise FaultError(query_pb2.FAULT_CODE_FAILED_PRECONDITION, "The drives are dependent.")
-        return exact_model(request)
+        model = exact_model(request)
+        if request.HasField("shape"):
+            model.shaped_by, model.target_level = request.shape.model.run, request.shape.level
+        return model
 
 
 class Lab:

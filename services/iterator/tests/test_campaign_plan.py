@@ -6,7 +6,7 @@ import pytest
 
 from duralab_bus import FaultError
 from duralab_proto.arrays import ArrayError, from_array, to_array
-from duralab_proto.v1 import iterator_pb2, query_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2
 from duralab_settings import LimitPolicy, SecantSettings, StopCriteria, UpdateKind
 from iterator.campaign import plan_campaign
 from iterator.campaign.confirmation import judge_confirmation, recorded_confirmation
@@ -45,6 +45,11 @@ def with_band_from(spec, lowest):
     spec.lowest_frequency, spec.excitation.spectrum.lowest_frequency = lowest, 0.5 * lowest
 
 
+def at_target(spec, *, level=0.5, duration=40.0, kind=identifier_pb2.EXCITATION_KIND_RANDOM_ORTHOGONAL):
+    spec.at_target.level, spec.at_target.duration = level, duration
+    spec.excitation.kind = kind
+
+
 def with_curve(spec, frequency, share):
     spec.update.gain_curve_frequency.CopyFrom(to_array(np.array(frequency)))
     spec.update.gain_curve_share.CopyFrom(to_array(np.array(share)))
@@ -68,6 +73,9 @@ MISTAKES = {
         lambda s: with_target(s, lambda t: np.where(t == t.max(), -1e308, t)),
         lambda s: with_target(s, lambda t: t.astype(np.float32)),
     ],
+    "at_target.level": [lambda s: at_target(s, level=0.0), lambda s: at_target(s, level=1.1)],
+    "at_target.duration": [lambda s: at_target(s, duration=0.0), lambda s: at_target(s, duration=np.nan)],
+    "at_target": [lambda s: at_target(s, kind=identifier_pb2.EXCITATION_KIND_PURE_RANDOM)],
     "excitation.seed": [lambda s: setattr(s.excitation, "seed", 5)],
     "estimator.block_samples": [lambda s: setattr(s.estimator, "block_samples", 10)],
     "lowest_frequency": [

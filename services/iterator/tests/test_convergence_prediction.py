@@ -46,9 +46,9 @@ def test_the_deviation_is_that_of_rigs_drawn_from_the_uncertainty():
     found = predict_convergence(model, SETTINGS, playbacks=1)
     at = int(np.flatnonzero(found.frequency == model.frequency[line])[0])
     noise = (rng.standard_normal((20_000, 2, 2)) + 1j * rng.standard_normal((20_000, 2, 2))) / np.sqrt(2.0)
-    rigs = np.sqrt(psd)[:, None] * noise @ np.linalg.cholesky(covariance).T
-    scale = 1.0 / np.sqrt(np.diag(covariance).real)
-    change = 0.8 * model.inverse_frf[line] @ rigs * scale / scale[:, None]
+    root = np.linalg.cholesky(covariance).T
+    rigs = np.sqrt(psd)[:, None] * noise @ root
+    change = 0.8 * root @ model.inverse_frf[line] @ rigs @ np.linalg.inv(root)
     np.testing.assert_allclose(
         found.deviation[at], np.sqrt(np.mean(np.sum(np.abs(change) ** 2, axis=(1, 2)))), rtol=0.03
     )

@@ -8,7 +8,7 @@ from identifier.excitation.crest_factor import crest_factors, minimise_crest_fac
 from identifier.excitation.design import Experiment, design_experiment
 from identifier.excitation.fades import linear_fades
 from identifier.excitation.hadamard import hadamard_matrix, nearest_hadamard_order, sign_matrix
-from identifier.excitation.levels import check_levels
+from identifier.excitation.levels import check_levels, largest_excess
 from identifier.excitation.orthogonal import PhaseSet, dft_matrix, draw_phases
 from identifier.excitation.plan import ExperimentPlan, plan_experiment, shortest_delay_seconds
 from identifier.excitation.power_spectrum import power_density, white
@@ -29,6 +29,7 @@ __all__ = [
     "dft_matrix",
     "draw_phases",
     "hadamard_matrix",
+    "largest_excess",
     "linear_fades",
     "minimise_crest_factor",
     "nearest_hadamard_order",

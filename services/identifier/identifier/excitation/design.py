@@ -37,7 +37,13 @@ class Experiment:
     layout: Layout
 
 
-def design_experiment(settings: ExperimentSettings, *, drives: int, sample_rate: float) -> Experiment:
+def design_experiment(
+    settings: ExperimentSettings,
+    *,
+    drives: int,
+    sample_rate: float,
+    mixing: NDArray[np.complex128] | None = None,
+) -> Experiment:
     """Make the drive of an experiment.
 
     Parameters
@@ -48,6 +54,9 @@ def design_experiment(settings: ExperimentSettings, *, drives: int, sample_rate:
         Number of drives of the rig, 1 or more.
     sample_rate
         Sample rate of the rig, in hertz.
+    mixing
+        Complex, shape (block_samples // 2 + 1, drives, drives), of a multisine: each drive is the sum of the multisines
+        at their levels, multiplied by its row at each line. Left out: each drive is its own multisine.
 
     Returns
     -------
@@ -70,10 +79,11 @@ def design_experiment(settings: ExperimentSettings, *, drives: int, sample_rate:
             seed=settings.seed,
         )
     elif settings.kind.is_multisine:
-        drive = _multisines(settings, layout)
+        drive = _multisines(settings, layout, mixing)
     else:
         drive = _bursts(settings, layout)
-    scale_to_levels(drive, layout=layout, levels=settings.levels, level_kind=settings.level_kind)
+    if mixing is None:
+        scale_to_levels(drive, layout=layout, levels=settings.levels, level_kind=settings.level_kind)
     drive.setflags(write=False)
     return Experiment(drive=drive, layout=layout)
 
@@ -101,11 +111,13 @@ def _bursts(settings: ExperimentSettings, layout: Layout) -> NDArray[np.float64]
     )
 
 
-def _multisines(settings: ExperimentSettings, layout: Layout) -> NDArray[np.float64]:
+def _multisines(
+    settings: ExperimentSettings, layout: Layout, mixing: NDArray[np.complex128] | None
+) -> NDArray[np.float64]:
     """Return the blocks of all experiments in sequence, each fading into the next during the next one's delay."""
     block, fade = layout.block_samples, layout.fade_samples
     drive = np.zeros((len(settings.spectra), layout.samples))
-    for capture, period in _periods(settings, layout):
+    for capture, period in _periods(settings, layout, mixing):
         start = capture.start - layout.delay_blocks * block
         blocks = layout.delay_blocks + capture.periods
         length = blocks * block + fade
@@ -114,7 +126,9 @@ def _multisines(settings: ExperimentSettings, layout: Layout) -> NDArray[np.floa
     return drive
 
 
-def _periods(settings: ExperimentSettings, layout: Layout) -> Iterator[tuple[Capture, NDArray[np.float64]]]:
+def _periods(
+    settings: ExperimentSettings, layout: Layout, mixing: NDArray[np.complex128] | None
+) -> Iterator[tuple[Capture, NDArray[np.float64]]]:
     """Yield each capture with its period, shape (drives, block_samples); one realisation in memory at a time."""
     amplitude = line_amplitudes(settings.spectra, frequency=layout.frequency, excited=layout.excited)
     for realisation, captures in groupby(layout.captures, key=lambda capture: capture.realisation):
@@ -127,6 +141,9 @@ def _periods(settings: ExperimentSettings, layout: Layout) -> Iterator[tuple[Cap
         )
         if settings.minimise_crest_factor:
             phases = minimise_crest_factor(phases, amplitude)
-        periods = block_of(phases.lines(amplitude), layout.block_samples)
+        lines = phases.lines(amplitude)
+        if mixing is not None:
+            lines = np.einsum("fij,jef->ief", mixing, lines * np.asarray(settings.levels)[:, None, None])
+        periods = block_of(lines, layout.block_samples)
         for capture in captures:
             yield capture, periods[:, capture.experiment]

@@ -57,14 +57,7 @@ def check_levels(
     article, name = ("an", "RMS") if level_kind is LevelKind.RMS else ("a", "peak")
     offences = []
     for row, channel, level in zip(drive, channels, levels, strict=True):
-        reaches = [
-            (float(row.max()), channel.maximum, channel.unit),
-            (float(row.min()), channel.minimum, channel.unit),
-        ]
-        if channel.slew_limit > 0.0 and row.size > 1:
-            fastest = float(np.max(np.abs(np.diff(row)))) * sample_rate
-            reaches.append((fastest, channel.slew_limit, f"{channel.unit}/s"))
-        peak, limit, unit = max(reaches, key=lambda reach: _excess(reach[0], reach[1]))
+        peak, limit, unit = _furthest(row, channel, sample_rate)
         excess = _excess(peak, limit)
         if excess > 1.0:
             fitting = _round_down(level / excess)
@@ -76,6 +69,31 @@ def check_levels(
         raise SettingsError(
             f"The excitation is too large: {'; '.join(offences)}.", field=f"excitation.{level_kind.value}"
         )
+
+
+def largest_excess(
+    drive: NDArray[np.float64], *, channels: Sequence[array_pb2.Channel], sample_rate: float
+) -> tuple[float, str]:
+    """Return the largest ratio of a drive to one of its limits, and the name of that channel.
+
+    `drive`: Shape (drives, samples), each row in its channel's unit. `channels`: Drives in order. `sample_rate`: Hz.
+    Returns: Above 1 if the drive exceeds a limit, infinite if a limit leaves no room; the channel's name.
+    """
+    ratios = [_excess(*_furthest(row, channel, sample_rate)[:2]) for row, channel in zip(drive, channels, strict=True)]
+    worst = int(np.argmax(ratios))
+    return ratios[worst], channels[worst].name
+
+
+def _furthest(row: NDArray[np.float64], channel: array_pb2.Channel, sample_rate: float) -> tuple[float, float, str]:
+    """Return the peak of a drive that comes furthest in its limit, that limit, and their unit."""
+    reaches = [
+        (float(row.max()), channel.maximum, channel.unit),
+        (float(row.min()), channel.minimum, channel.unit),
+    ]
+    if channel.slew_limit > 0.0 and row.size > 1:
+        fastest = float(np.max(np.abs(np.diff(row)))) * sample_rate
+        reaches.append((fastest, channel.slew_limit, f"{channel.unit}/s"))
+    return max(reaches, key=lambda reach: _excess(reach[0], reach[1]))
 
 
 def _excess(peak: float, limit: float) -> float:

@@ -1,6 +1,6 @@
 """Models of rigs: built from estimates, as values and as messages, named by the hash of their content, and cached."""
 
-from identifier.modelling.building import distortion_of, model_of, plan_message
+from identifier.modelling.building import distortion_of, model_of, plan_message, with_shape
 from identifier.modelling.cache import ModelCache
 from identifier.modelling.line_filling import FilledLines, fill_lines, valid_band
 from identifier.modelling.mapped_estimate import learn_map
@@ -20,4 +20,5 @@ __all__ = [
     "to_message",
     "valid_band",
     "with_id",
+    "with_shape",
 ]

@@ -1,5 +1,6 @@
 """Build of a model from request, playback and estimate, with its plan, warnings and verdicts."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
@@ -10,7 +11,7 @@ from duralab_proto.arrays import to_array
 from duralab_proto.v1 import identifier_pb2, rig_pb2
 from identifier.estimators import FrfEstimate, ModelWarning, WarningCode
 from identifier.excitation import ExperimentSettings, plan_experiment
-from identifier.experiment import RigUnderTest, StaticGain, static_samples, static_warnings, with_names
+from identifier.experiment import RigUnderTest, StaticGain, TargetShape, static_samples, static_warnings, with_names
 from identifier.layout import Layout
 from identifier.modelling.line_filling import fill_lines, valid_band
 from identifier.modelling.model import IdentifiedModel, with_id
@@ -141,6 +142,39 @@ def model_of(
             distortion=None if levels is None else _distortion(levels),
             drive_map=drive_map,
             response_damage=channel_damage(response),
+        )
+    )
+
+
+def with_shape(
+    model: IdentifiedModel, shape: TargetShape, *, after: IdentifiedModel, wanted_level: float
+) -> IdentifiedModel:
+    """Return the model of a target-shaped experiment with what it takes from the model that shaped it.
+
+    `model`: From `model_of`. `shape`: As played. `after`: Model of the experiment before. `wanted_level`: Requested.
+    Returns: Model whose damage is that of both experiments, and with the static gain of the first one.
+    """
+    damage = None
+    if model.response_damage is not None and after.response_damage is not None:
+        damage = model.response_damage + after.response_damage
+    warnings = model.warnings
+    if shape.level < wanted_level:
+        sentence = (
+            f"The limits of rig {model.rig!r} hold the experiment at the target to {shape.level:.2g} of the target's "
+            f"RMS; {wanted_level:g} were requested."
+        )
+        lower = identifier_pb2.ModelWarning(code=identifier_pb2.MODEL_WARNING_CODE_OTHER, sentence=sentence)
+        warnings = (*warnings, lower)
+    return with_id(
+        replace(
+            model,
+            id="",
+            warnings=warnings,
+            response_damage=damage,
+            static_gain=after.static_gain,
+            static_change=after.static_change,
+            shaped_by=after.id,
+            target_level=shape.level,
         )
     )
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from duralab_drive_map import LearnedDriveMap, learn_drive_map
+from duralab_drive_map import DriveMap, LearnedDriveMap, learn_drive_map
 from duralab_proto.v1 import array_pb2
 from identifier.estimators import FrfEstimate
 from identifier.experiment import RigUnderTest
@@ -41,13 +41,16 @@ def learn_map(
     estimate_again: Callable[[NDArray[np.float64]], FrfEstimate],
     rig: RigUnderTest,
     response_weight: NDArray[np.float64] | None,
+    start: DriveMap | None = None,
 ) -> LearnedDriveMap[EstimatedFrf]:
     """Learn the drive map of a rig from the record of its identification.
 
     `drive`, `response`: Shapes (drives, samples) and (responses, samples), as played and measured. `estimate`: Estimate
-    on the played drives. `estimate_again`: Function for an estimate on mapped drives and the same response; may raise
-    ValueError. `response_weight`: Shape (responses), 0 or more.
-    Returns: The identity with the given estimate, and a remark, if the chosen map cannot be used.
+    on the played drives, or on those that `start` maps. `estimate_again`: Function for an estimate on mapped drives and
+    the same response; may raise ValueError. `response_weight`: Shape (responses), 0 or more. `start`: Map that is
+    learned again; it is not the identity.
+    Returns: The identity with the given estimate, and a remark, if the chosen map cannot be used; `start` without
+    chosen terms if it is kept.
     """
     learned = learn_drive_map(
         drive,
@@ -56,10 +59,15 @@ def learn_map(
         names=tuple(channel.name for channel in rig.drives),
         units=tuple(channel.unit for channel in rig.drives),
         response_weight=response_weight,
-        estimate=lambda mapped: EstimatedFrf.of(estimate_again(mapped)),
+        estimate=None if start is not None else lambda mapped: EstimatedFrf.of(estimate_again(mapped)),
+        start=start,
         # A force-controlled drive moves along an arc without a map.
         may_follow=[channel.kind == array_pb2.CHANNEL_KIND_DISPLACEMENT for channel in rig.drives],
     )
+    if start is not None:
+        if not learned.chosen:
+            return learned
+        return replace(learned, model=EstimatedFrf.of(estimate_again(learned.drive_map.to_mapped(drive))))
     beyond = [
         channel.name
         for i, channel in enumerate(rig.drives)

@@ -75,6 +75,10 @@ class IdentifiedModel:
     static_change
         Shape (responses): change during the used half of the holds over the largest step; None if the experiment does
         not measure it, and in a model of an older recording.
+    shaped_by
+        Id of the model that shaped the experiment, whose static gain and damage are included; empty if none did.
+    target_level
+        RMS of the shaped responses over that of the target; 0 if the experiment was not shaped.
     id
         Hash of all other fields; empty before `with_id`.
     """
@@ -109,6 +113,8 @@ class IdentifiedModel:
     response_damage: NDArray[np.float64] | None = None
     static_gain: NDArray[np.float64] | None = None
     static_change: NDArray[np.float64] | None = None
+    shaped_by: str = ""
+    target_level: float = 0.0
     id: str = ""
 
     def to_mapped(self, drive: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -198,6 +204,8 @@ def to_message(model: IdentifiedModel) -> identifier_pb2.Model:
         response_damage=None if model.response_damage is None else to_array(model.response_damage),
         static_gain=None if model.static_gain is None else to_array(model.static_gain),
         static_change=None if model.static_change is None else to_array(model.static_change),
+        shaped_by=model.shaped_by,
+        target_level=model.target_level,
     )
 
 
@@ -272,6 +280,8 @@ def from_message(message: identifier_pb2.Model) -> IdentifiedModel:
         static_change=from_array(message.static_change, field="static_change", shape=(n_y,), dtype=np.float64)
         if message.HasField("static_change")
         else None,
+        shaped_by=message.shaped_by,
+        target_level=message.target_level,
     )
 
 

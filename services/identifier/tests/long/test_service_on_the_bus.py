@@ -6,7 +6,7 @@ import pytest
 from identifier_on_the_bus import identifier_and_rigs, load_linear_rig
 
 from duralab_bus import BusConfig, FaultError, open_bus
-from duralab_proto.arrays import to_array
+from duralab_proto.arrays import to_array, to_record
 from duralab_proto.v1 import identifier_pb2, query_pb2, rig_pb2
 from identifier import from_message
 
@@ -75,6 +75,57 @@ def test_a_rig_on_the_bus_is_identified_with_progress_and_the_model_can_be_fetch
     assert fractions == sorted(fractions)
     fetched = bus.query(bus.keys.model(message.id), identifier_pb2.ModelRequest(), identifier_pb2.Model)
     assert fetched == message
+
+
+def at_target(run, model, linear_rig):
+    """Return a request for an experiment at a target of the outer two responses."""
+    message = request(run, seed=3, seconds=30.0)
+    message.excitation.kind, message.excitation.capture_blocks = identifier_pb2.EXCITATION_KIND_RANDOM_ORTHOGONAL, 2
+    samples = np.random.default_rng(5).standard_normal((2, 20_000)) * np.array([[400.0], [25.0]])
+    channels = [linear_rig.RESPONSES[0], linear_rig.RESPONSES[2]]
+    message.shape.model.CopyFrom(model)
+    message.shape.target.CopyFrom(to_record(channels, linear_rig.SAMPLE_RATE, samples))
+    message.shape.lowest_frequency, message.shape.highest_frequency, message.shape.level = 2.0, 40.0, 0.5
+    return message
+
+
+@pytest.mark.usefixtures("lab")
+def test_an_experiment_at_a_target_has_responses_of_its_level_and_counts_the_damage_of_both(bus, linear_rig):
+    first = identify(bus, request("before", rms=(0.0005, 0.0005), seconds=30.0))
+    message = identify(bus, at_target("shaped", first, linear_rig))
+    model, before = from_message(message), from_message(first)
+    assert (message.shaped_by, message.target_level) == (first.id, 0.5)
+    lines = model.band.lines
+    true = linear_rig.true_frf(model.frequency[lines])
+    error = np.linalg.norm(model.frf[lines] - true, axis=(1, 2)) / np.linalg.norm(true, axis=(1, 2))
+    assert np.median(error) < 0.005
+    spacing = model.frequency[1] - model.frequency[0]
+    level = np.sqrt(model.response_psd[lines].sum(axis=0) * spacing)
+    np.testing.assert_allclose(level[[0, 2]], [200.0, 12.5], rtol=0.05)
+    assert np.all(model.response_damage > before.response_damage)
+    # Nothing else of the two experiments differs in what a reader sees.
+    assert [channel.name for channel in model.responses] == [channel.name for channel in before.responses]
+
+
+@pytest.mark.usefixtures("lab")
+def test_a_shape_that_does_not_fit_the_rig_is_refused(bus, linear_rig):
+    first = identify(bus, request("to-shape", seconds=30.0))
+
+    def with_model(change):
+        message = at_target("refused", first, linear_rig)
+        change(message.shape)
+        return message
+
+    for change, field, text in (
+        (lambda shape: setattr(shape, "level", 1.5), "shape.level", r"level of the shape is 1\.5"),
+        (lambda shape: setattr(shape.model, "blocks", 7), "shape.model", "damaged or changed"),
+        (lambda shape: setattr(shape.target.channels[0], "name", "torque"), "shape.target.channels", "has torque"),
+        (lambda shape: setattr(shape.target, "sample_rate", 500.0), "shape.target.sample_rate", "at 500 Hz"),
+        (lambda shape: setattr(shape, "lowest_frequency", 90.0), "shape.lowest_frequency", "holds no line"),
+    ):
+        with pytest.raises(FaultError, match=text) as fault:
+            identify(bus, with_model(change))
+        assert (fault.value.code, fault.value.field) == (query_pb2.FAULT_CODE_INVALID_ARGUMENT, field)
 
 
 @pytest.mark.usefixtures("lab")

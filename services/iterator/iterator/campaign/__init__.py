@@ -9,7 +9,7 @@ from iterator.campaign.admission import (
     require_same_rig,
 )
 from iterator.campaign.campaign import Campaign
-from iterator.campaign.identification import identification_request, identification_run
+from iterator.campaign.identification import check_at_target, identification_request, identification_run
 from iterator.campaign.known_before import known_experiment, read_known_before
 from iterator.campaign.messages import checked_model
 from iterator.campaign.plan import drive_limits, plan_campaign
@@ -30,6 +30,7 @@ __all__ = [
     "CampaignBoard",
     "RecordedCampaign",
     "Resumption",
+    "check_at_target",
     "checked_model",
     "drive_limits",
     "expect_free_id",

@@ -21,7 +21,12 @@ from iterator.assessment import Forecast, IterationMetrics, Outcome, PlaybackBou
 from iterator.campaign import seeds
 from iterator.campaign.confirmation import confirmation_message, confirmed
 from iterator.campaign.hold import EndedAtHoldPointError, Holds
-from iterator.campaign.identification import identification_request, identification_run
+from iterator.campaign.identification import (
+    identification_request,
+    identification_run,
+    request_at_target,
+    run_at_target,
+)
 from iterator.campaign.known_before import first_drive_metrics
 from iterator.campaign.messages import (
     OUTCOMES,
@@ -180,12 +185,10 @@ class Campaign:
         for what, message in beginning[self._log.next_step :]:
             with self._doing(f"storing the {what}"):
                 self._log.commit(message)
-        if self._before.model is None:
-            model = self._identify()
-            self._estimate.step_done()
-        else:
-            model = self._before.model
+        model = self._before.model
+        if model is not None:
             self._go_on_after(model)
+        model = self._identified(model)
         with self._doing("inverting the model"):
             start = checked_model(model, plan=plan)
             self._holds.begin(model, start)
@@ -313,7 +316,6 @@ class Campaign:
         """Store the copied steps and the missing RunPlayed steps of the earlier attempt."""
         before = self._before
         with self._doing("reading back what was done", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
-            self._estimate.step_was_done()
             self._journal.info("The campaign goes on.", playbacks=len(before.iterations), parent=self._plan.spec.parent)
             for message in before.copies:
                 self._log.commit(message)
@@ -323,29 +325,51 @@ class Campaign:
                 if result.run in before.planned and result.run not in before.played:
                     self._log.commit(run_played(result, rig=self.rig))
 
-    def _identify(self) -> identifier_pb2.Model:
+    def _identified(self, before: identifier_pb2.Model | None) -> identifier_pb2.Model:
+        """Play the experiments of the identification that are not done yet; return the model for the iteration."""
         plan, spec = self._plan, self._plan.spec
-        if spec.known.HasField("model"):
+        known, share = spec.known.HasField("model"), 1.0 - plan.share_at_target
+        model = before
+        if model is None and known:
             with self._doing("storing the model", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
-                self._log.commit(spec.known.model)
-            return spec.known.model
-        activity = f"identifying {self.rig}"
-        with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING):
-            run = self._playback.announce(identification_run(spec), purpose="identification")
-            with self._playback.motion(run):
-                model = self._bus.query(
-                    self._bus.keys.identify(spec.rig),
-                    identification_request(spec, run=run, check_only=False, map_weight=plan.map_weight),
-                    identifier_pb2.Model,
-                    on_progress=self._follower(activity),
-                    cancel=self._stop,
-                )
-            if model.rig_content_hash != plan.description.content_hash:
-                raise FaultError(
-                    query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-                    f"The rig {self.rig!r} is not the one the campaign was checked against: it was changed "
-                    "since; start the campaign again.",
-                )
+                model = spec.known.model
+                self._log.commit(model)
+        elif model is None:
+            activity = f"identifying {self.rig}"
+            with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING):
+                run = self._playback.announce(identification_run(spec), purpose="identification")
+                request = identification_request(spec, run=run, check_only=False, map_weight=plan.map_weight)
+                model = self._experiment(request, self._follower(activity, to=share))
+        if spec.HasField("at_target") and not known and not model.shaped_by:
+            activity = f"identifying {self.rig} at the target"
+            with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING, share=share):
+                run = self._playback.announce(run_at_target(spec), purpose="identification at the target")
+                request = request_at_target(plan, run=run, model=model)
+                model = self._experiment(request, self._follower(activity, begin=share))
+        if before is None:
+            self._estimate.step_done()
+        else:
+            self._estimate.step_was_done()
+        return model
+
+    def _experiment(
+        self, request: identifier_pb2.IdentifyRequest, on_progress: Callable[[query_pb2.Progress], None]
+    ) -> identifier_pb2.Model:
+        """Play one experiment on the rig, and store and return its model."""
+        with self._playback.motion(request.run):
+            model = self._bus.query(
+                self._bus.keys.identify(self.rig),
+                request,
+                identifier_pb2.Model,
+                on_progress=on_progress,
+                cancel=self._stop,
+            )
+        if model.rig_content_hash != self._plan.description.content_hash:
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                f"The rig {self.rig!r} is not the one the campaign was checked against: it was changed "
+                "since; start the campaign again.",
+            )
         with self._doing("storing the model"):
             self._log.commit(model)
             self._log.commit(run_played(model, rig=self.rig))
@@ -442,10 +466,12 @@ class Campaign:
         with span(activity, SpanKind.MATHEMATICS):
             yield
 
-    def _follower(self, activity: str) -> Callable[[query_pb2.Progress], None]:
+    def _follower(self, activity: str, *, begin: float = 0.0, to: float = 1.0) -> Callable[[query_pb2.Progress], None]:
+        """Return what shows the progress of a query that takes a step from one share of it to another."""
+
         def follow(progress: query_pb2.Progress) -> None:
             words = words_of(progress, run=self._playback.moving_run)
-            done = self._estimate.at(min(1.0, max(0.0, progress.fraction)))
+            done = self._estimate.at(begin + (to - begin) * min(1.0, max(0.0, progress.fraction)))
             self._board.show(f"{activity}: {words}" if words else activity, done)
 
         return follow

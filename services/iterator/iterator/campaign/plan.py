@@ -17,9 +17,11 @@ from duralab_proto.arrays import from_record
 from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2, rig_pb2
 from duralab_settings import (
     Acceptance,
+    AtTarget,
     HoldPoint,
     HoldSettings,
     PlaybackSettings,
+    ResolvedExcitation,
     ResolvedUpdate,
     SettingsError,
     StopCriteria,
@@ -86,6 +88,12 @@ class CampaignPlan:
         return [name for name, weight in zip(names, self.response_weight, strict=True) if weight > 0.0]
 
     @property
+    def share_at_target(self) -> float:
+        """Share of the identification's duration that is its experiment at the target, by their settings."""
+        first, second = self.spec.excitation.duration, self.spec.at_target.duration
+        return second / (first + second) if self.spec.HasField("at_target") else 0.0
+
+    @property
     def map_weight(self) -> NDArray[np.float64] | None:
         """Weight of each response in learning a drive map; None if no map is learned."""
         return self.response_weight if self.settings.update.drive_map.learn else None
@@ -117,6 +125,7 @@ def plan_campaign(
     resolved = _settings(spec.update, ResolvedUpdate, field="update")
     plugin_remarks = checked_plugin(resolved)
     weight = _checked_weight(resolved, description)
+    _check_at_target(spec, description, controlled=weight > 0.0)
     if band.lowest == 0.0:
         require_static_hold(spec, description=description, controlled=weight > 0.0)
     update = UpdateSettings.model_construct(band=band, **dict(resolved))
@@ -243,6 +252,28 @@ def _check_experiment(spec: iterator_pb2.CampaignSpec, experiment: identifier_pb
             f"apart, too far for the excitation's band of {width:g} Hz; at least {FEWEST_LINES} must fit: take "
             "longer blocks.",
             field="estimator.block_samples",
+        )
+
+
+def _check_at_target(
+    spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription, *, controlled: NDArray[np.bool_]
+) -> None:
+    """Check the settings of the experiment at the target; the identifier has checked its length."""
+    if not spec.HasField("at_target"):
+        return
+    _settings(spec.at_target, AtTarget, field="at_target")
+    kind = _settings(spec.excitation, ResolvedExcitation, field="excitation").kind
+    if not kind.is_multisine:
+        raise invalid(
+            f"The excitation is {kind.value}, and only a multisine can have the spectra of a target; take "
+            "random_orthogonal, or leave excitation.at_target out.",
+            field="at_target",
+        )
+    if np.count_nonzero(controlled) != len(description.drives):
+        raise invalid(
+            f"The campaign controls {np.count_nonzero(controlled)} responses with {len(description.drives)} drives; an "
+            "experiment at the target needs as many of both, so leave excitation.at_target out.",
+            field="at_target",
         )
 
 

@@ -12,6 +12,11 @@ EXCITATION: Final = 0
 IDENTIFICATION_PLAYBACK: Final = 1
 """Index of the rig's random processes during the identification's playback."""
 
+EXCITATION_AT_TARGET: Final = 1 << 33
+"""Index of the excitation of the experiment at the target."""
+
+PLAYBACK_AT_TARGET: Final = (1 << 33) + 1
+"""Index of the rig's random processes during the experiment at the target."""
 
 _CONFIRMATIONS: Final = 1 << 32
 

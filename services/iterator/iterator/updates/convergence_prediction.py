@@ -23,8 +23,8 @@ class ConvergencePrediction:
     spectral_radius : ndarray, shape (driven,)
         Spectral radius of `I - Ĥ† Q H` for the likeliest rig; it converges if and only if this is below 1.
     deviation : ndarray, shape (driven,)
-        Standard deviation of that matrix (Frobenius norm) over the rigs within the identification's uncertainty;
-        0 if that is not known.
+        Standard deviation of that matrix (Frobenius norm, drives scaled to equal uncertainty in every direction) over
+        the rigs within the identification's uncertainty; 0 if that is not known.
     """
 
     frequency: NDArray[np.float64]
@@ -77,10 +77,10 @@ def predict_convergence(model: RigModel, settings: UpdateSettings, *, playbacks:
     radius = np.abs(np.linalg.eigvals(left)).max(axis=1)
     deviation = np.zeros_like(radius)
     if model.uncertainty is not None:
-        spread = np.einsum("fii->fi", model.uncertainty.row_covariance[lines]).real
-        # Drives are scaled by their level in the identification, so that units do not count.
-        scale = 1.0 / np.sqrt(np.mean(spread, axis=0))
-        power = np.sum(np.abs(inverse / scale[:, None]) ** 2, axis=1)
+        covariance = model.uncertainty.row_covariance[lines]
+        # In coordinates of the drives in which every direction is equally uncertain: units do not count, nor does how
+        # closely drives followed each other in the identification.
+        power = np.einsum("fki,fkj,fji->fi", inverse, covariance, inverse.conj(), optimize=True).real
         doubt = np.sum(power * model.uncertainty.residual_psd[lines], axis=1)
-        deviation = np.sqrt(doubt * np.sum(spread * scale**2, axis=1))
+        deviation = np.sqrt(inverse.shape[1] * np.maximum(doubt, 0.0))
     return ConvergencePrediction(frequency=frequency, spectral_radius=radius, deviation=deviation)

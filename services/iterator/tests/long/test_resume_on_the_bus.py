@@ -8,7 +8,7 @@ import pytest
 
 from duralab_bus import FaultError
 from duralab_proto.arrays import from_array, to_array
-from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2
 
 from ..killable_lab import killable_lab, killed_at, playbacks, resumed
 from ..linear_rig import specification
@@ -206,6 +206,41 @@ def test_of_two_resumes_at_once_exactly_one_goes_on(lab, undisturbed, new_ids):
     assert playbacks(lab, accepted[0]) == undisturbed
     runs = [run.run for run in lab.recorder.read(accepted[0], recorder_pb2.RunPlayed)]
     assert len(set(runs)) == len(runs)
+
+
+def at_target(id):
+    spec = specification(id, iterations=1)
+    spec.at_target.level, spec.at_target.duration = 0.4, 30.0
+    spec.excitation.kind = identifier_pb2.EXCITATION_KIND_RANDOM_ORTHOGONAL
+    return spec
+
+
+# After target: first run planned, its model, its end; second run planned, its model, its end.
+@pytest.mark.parametrize("step", range(3, 9))
+def test_a_campaign_killed_between_the_experiments_of_its_identification_repeats_none_that_was_stored(lab, step):
+    id = f"two-{step}"
+    with killed_at(lab, id, step, stored=True, later=0.0) as killed:
+        lab.start(at_target(id))
+        assert killed.wait(20.0)
+    lab.iterator.end()
+    lab.iterator.start()
+    lab.iterator.wait()
+    resumed(lab, id)
+    assert lab.end_of(id).phase == iterator_pb2.CAMPAIGN_PHASE_FINISHED
+    models = lab.recorder.read(id, identifier_pb2.Model)
+    assert [model.run.removesuffix("-2") for model in models] == [f"{id}.identify", f"{id}.at_target"]
+    assert (models[1].shaped_by, models[1].target_level) == (models[0].run, 0.4)
+    request = lab.identifier.requests[models[1].run]
+    assert [channel.name for channel in request.shape.target.channels] == [c.name for c in models[0].responses]
+    assert (request.shape.lowest_frequency, request.shape.highest_frequency, request.shape.level) == (2.0, 60.0, 0.4)
+    assert (request.excitation.duration, request.excitation.static_hold) == (30.0, 0.0)
+    first = lab.identifier.requests[models[0].run]
+    assert request.excitation.seed != first.excitation.seed
+    assert request.rig_seed != first.rig_seed
+    planned = [run.run for run in lab.recorder.read(id, recorder_pb2.RunPlanned)]
+    # Only what was announced and not stored is asked for again.
+    again = {3: [f"{id}.identify-2"], 6: [f"{id}.at_target-2"]}.get(step, [])
+    assert [run for run in planned if run.endswith("-2")] == again
 
 
 @pytest.mark.parametrize(

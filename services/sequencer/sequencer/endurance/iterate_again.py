@@ -392,14 +392,15 @@ def _specification(bus: Bus, parent: str) -> iterator_pb2.CampaignSpec:
                 spec.CopyFrom(message)
                 model = message.known.model if message.known.HasField("model") else None
             case identifier_pb2.Model():
+                # The last one counts: an identification may have two experiments.
                 model = message
-        if model is not None:
-            break
+            case iterator_pb2.IterationStep():
+                break
     if model is None:
         raise FaultError(
             query_pb2.FAULT_CODE_FAILED_PRECONDITION, f"The recording {parent!r} holds no model of its rig."
         )
-    for name in ("parent", "parent_iteration", "levels", "confirmations", "pre_test", "known"):
+    for name in ("parent", "parent_iteration", "levels", "confirmations", "pre_test", "known", "at_target"):
         spec.ClearField(name)
     # The person who decided, or wrote the schedule, has allowed the playback.
     spec.hold.CopyFrom(iterator_pb2.HoldSettings(when=iterator_pb2.HOLD_POINT_NEVER))
