@@ -38,6 +38,7 @@ def short_document() -> dict[str, Any]:
     document["excitation"]["rms"] = dict(zip(document["excitation"]["rms"], [0.004, 0.003, 0.001] * 2, strict=True))
     document["target"]["road"].update(duration=12.0, potholes={"count": 1, "depth": [0.02, 0.03], "length": [0.4, 0.8]})
     document["excitation"]["duration"] = 40.0
+    del document["excitation"]["at_target"]
     document["stop"]["iterations"] = 3
     return document
 

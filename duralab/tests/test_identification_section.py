@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 from test_campaign_file import CONTENT, changed
 
 from duralab.campaign import (
+    build_specification,
     check_against_rig,
     estimator_message,
     excitation_message,
@@ -12,11 +14,11 @@ from duralab.campaign import (
     parse_campaign,
     shipped_campaigns,
 )
-from duralab.data import Rig
+from duralab.data import Channel, Rig, Signals
 from duralab.errors import InputError
 from duralab.report.identification_words import identification_in_words
 from duralab_proto.arrays import from_array, to_array
-from duralab_proto.v1 import array_pb2, identifier_pb2, rig_pb2
+from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, rig_pb2
 from duralab_settings import EstimatorKind, EstimatorSettings, ExcitationKind, ExcitationSettings
 
 NAMES = [f"{side}_{axis}" for side in ("left", "right") for axis in ("vertical", "lateral", "longitudinal")]
@@ -53,6 +55,39 @@ def test_every_excitation_reaches_the_bus_and_has_words(kind):
     message = excitation_message(excitation(kind=kind), rig=RIG, seed=3)
     assert identifier_pb2.ExcitationKind.Name(message.kind) == f"EXCITATION_KIND_{kind.name}"
     assert "unknown" not in identification_in_words(message, identifier_pb2.Estimator(kind="ESTIMATOR_KIND_H1"))
+
+
+def test_a_second_experiment_has_words():
+    message = excitation_message(excitation(), rig=RIG, seed=3)
+    at_target = iterator_pb2.AtTarget(level=0.5, duration=75.0)
+    told = identification_in_words(message, identifier_pb2.Estimator(kind="ESTIMATOR_KIND_H1"), at_target)
+    assert ", then at 0.5 of the target's RMS, 75 s; " in told
+
+
+def test_a_second_experiment_is_part_of_the_specification():
+    campaign = load_campaign("front_axle_demo")
+    silent = Signals(tuple(Channel(name, "N") for name in NAMES), 1000.0, np.zeros((6, 2000)))
+    spec = build_specification(campaign, id="x", rig=RIG, target=silent, source="none")
+    assert (spec.at_target.level, spec.at_target.duration) == (0.5, 75.0)
+    excitation_only = {**campaign.excitation.model_dump(), "at_target": None}
+    without = campaign.model_copy(update={"excitation": ExcitationSettings.model_validate(excitation_only)})
+    assert not build_specification(without, id="x", rig=RIG, target=silent, source="none").HasField("at_target")
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"kind": ExcitationKind.PURE_RANDOM}, "has at_target for pure_random"),
+        ({"at_target": {"duration": 1.5}}, r"fades of 1 s in 1\.5 s of at_target"),
+        ({"at_target": {"level": 0.0, "duration": 75.0}}, "greater than 0"),
+        ({"at_target": {"level": 1.5, "duration": 75.0}}, "less than or equal to 1"),
+        ({"at_target": {}}, "duration"),
+    ],
+)
+def test_a_second_experiment_that_cannot_be_is_refused(changes, sentence):
+    given = load_campaign("front_axle_demo").excitation.model_dump(exclude_none=True)
+    with pytest.raises(ValidationError, match=sentence):
+        ExcitationSettings.model_validate(given | changes)
 
 
 @pytest.mark.parametrize("kind", list(EstimatorKind))

@@ -53,7 +53,7 @@ def test_axes_are_crossed_with_each_other_and_with_the_listed_points(sweep):
 
 def test_a_scaled_axis_multiplies_what_stands_in_the_file(sweep):
     made = points(sweep(axes={"excitation.rms.left_vertical": {"scale": [0.5, 2.0]}}))
-    assert [point.settings["excitation.rms.left_vertical"] for point in made] == [0.00125, 0.005]
+    assert [point.settings["excitation.rms.left_vertical"] for point in made] == [0.0005, 0.002]
 
 
 def test_the_identity_is_of_the_content_and_not_of_how_it_is_written(sweep, tmp_path):

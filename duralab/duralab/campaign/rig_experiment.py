@@ -26,6 +26,8 @@ _DECIBELS_PER_OCTAVE: Final = 3.0
 _BLOCKS_OF_EXPERIMENT: Final = 3
 """Number of blocks: one in which the transient decays, and two that are captured."""
 _FADE_SECONDS: Final = 1.0
+_AT_TARGET: Final = re.compile(r"(?m)^  # A second experiment.*\n  at_target:\n(?:    .*\n)+")
+"""Second experiment, which needs as many responses as drives, and a model that is good at its level."""
 
 
 def rig_comment(rig: Rig) -> str:
@@ -78,7 +80,7 @@ def with_experiment(text: str, rig: Rig) -> str:
             f"blocks.\n  duration: {duration:g}",
         ),
     )
-    text = _in_section(text, "excitation", changes)
+    text = _in_section(_AT_TARGET.sub("", text), "excitation", changes)
     blocks = (
         r"# Samples in a block.*\n  block_samples: .*",
         f"# Samples in a block: {block} at {rig.sample_rate:g} Hz are {seconds:.3g} s, "

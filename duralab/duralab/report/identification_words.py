@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from duralab_proto.v1 import identifier_pb2
+from duralab_proto.v1 import identifier_pb2, iterator_pb2
 
 _EXCITATIONS: Final = {
     identifier_pb2.EXCITATION_KIND_PURE_RANDOM: "pure random",
@@ -32,11 +32,18 @@ _MULTISINES: Final = frozenset(
 )
 
 
-def identification_in_words(excitation: identifier_pb2.Excitation, estimator: identifier_pb2.Estimator) -> str:
-    """Return the excitation and the estimator as text."""
+def identification_in_words(
+    excitation: identifier_pb2.Excitation,
+    estimator: identifier_pb2.Estimator,
+    at_target: iterator_pb2.AtTarget | None = None,
+) -> str:
+    """Return the experiments and the estimator as text."""
+    second = ""
+    if at_target is not None:
+        second = f", then at {at_target.level:g} of the target's RMS, {at_target.duration:g} s"
     return (
         f"{_EXCITATIONS.get(excitation.kind, 'unknown')}, {_spectrum(excitation)}, "
-        f"{excitation.duration:g} s; {_ESTIMATORS.get(estimator.kind, 'unknown')}, "
+        f"{excitation.duration:g} s{second}; {_ESTIMATORS.get(estimator.kind, 'unknown')}, "
         f"{_blocks(excitation, estimator)}"
     )
 

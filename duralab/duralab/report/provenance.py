@@ -26,7 +26,7 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
     return [
         ("Target", f"{specification.target_source}; {seconds:g} s at {specification.target.sample_rate:g} Hz"),
         ("Control band", _band(specification)),
-        ("Identification", identification_in_words(specification.excitation, specification.estimator)),
+        ("Identification", _identification(specification)),
         *iteration_in_words(specification),
         (
             "End",
@@ -47,6 +47,13 @@ def method_in_words(specification: iterator_pb2.CampaignSpec) -> list[tuple[str,
             + _bounds_in_words(stop),
         ),
     ]
+
+
+def _identification(specification: iterator_pb2.CampaignSpec) -> str:
+    """Return the experiments and the estimator as text; a second experiment only if there was a first one."""
+    both = specification.HasField("at_target") and not specification.known.HasField("model")
+    at_target = specification.at_target if both else None
+    return identification_in_words(specification.excitation, specification.estimator, at_target)
 
 
 def _bounds_in_words(stop: iterator_pb2.StopCriteria) -> str:
