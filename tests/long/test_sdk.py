@@ -12,9 +12,11 @@ from typer.testing import CliRunner
 
 import duralab
 from duralab.cli.application import app
+from iterator import control_band
 
 RIG = "front_axle_compliant"
 MINUTE = np.zeros((6, 60_000))
+LEVELS = {"vertical": 0.004, "lateral": 0.003, "longitudinal": 0.001}
 
 
 def campaign() -> duralab.Campaign:
@@ -25,7 +27,7 @@ def campaign() -> duralab.Campaign:
             "name": "sdk",
             "rig": RIG,
             "target": shipped.target.model_copy(update={"road": road}),
-            "excitation": shipped.excitation.model_copy(update={"duration": 40.0}),
+            "excitation": shipped.excitation.model_copy(update={"duration": 40.0, "at_target": None}),
             "stop": shipped.stop.model_copy(update={"iterations": 2}),
         }
     )
@@ -254,3 +256,47 @@ def test_a_lab_of_its_own_can_be_async():
                 await mine.describe("other")
 
     asyncio.run(script())
+
+
+def test_a_script_identifies_a_rig_at_its_own_target(lab):
+    rig = lab.describe("front_axle_compliant")
+    estimator = duralab.load_campaign("front_axle_demo").estimator
+    excitation = duralab.ExcitationSettings(
+        lowest_frequency=0.5,
+        highest_frequency=40.0,
+        corner_frequency=1.0,
+        decibels_per_octave=6.0,
+        rms={f"{side}_{axis}": rms for side in ("left", "right") for axis, rms in LEVELS.items()},
+        duration=38.0,
+        fade=1.0,
+        at_target={"level": 0.5, "duration": 38.0},
+    )
+    # Falls with frequency like a road: at small strokes friction would hold the rig, and no model would fit both.
+    noise = np.cumsum(np.random.default_rng(1).standard_normal((len(rig.drives), 20_000)), axis=1)
+    hidden = control_band(1.0, 30.0, sample_rate=1000.0).limit_response(noise) * np.hanning(20_000)
+    hidden *= np.array([[rms] for rms in 2 * tuple(LEVELS.values())]) / hidden.std(axis=1, keepdims=True)
+    target = lab.play(rig.name, hidden).response
+    first = lab.identify(rig.name, excitation, estimator, seed=1)
+    second = lab.identify(rig.name, excitation, estimator, seed=1, target=target, band=(1.0, 30.0))
+
+    def level(model):
+        known = np.isfinite(model.coherence).all(axis=1)
+        spacing = model.frequency[1] - model.frequency[0]
+        return np.sqrt(model.response_psd[known].sum(axis=0) * spacing) / target.samples.std(axis=1)
+
+    # Friction takes its share of small motions.
+    assert np.all((level(second) > 0.25) & (level(second) < 0.65))
+    assert np.ptp(np.log(level(second))) < np.ptp(np.log(level(first)))
+    for given, sentence in (
+        ({"target": target}, "band is not given"),
+        ({"band": (1.0, 30.0)}, "target is not given"),
+    ):
+        with pytest.raises(duralab.InputError, match=sentence):
+            lab.identify(rig.name, excitation, estimator, **given)
+    # Friction holds the rig in so quiet an experiment.
+    quiet = excitation.model_copy(update={"rms": duralab.load_campaign("front_axle_demo").excitation.rms})
+    with pytest.raises(duralab.LabError, match="is allowed; identify the rig louder or longer before"):
+        lab.identify(rig.name, quiet, estimator, seed=1, target=target, band=(1.0, 30.0))
+    alone = excitation.model_copy(update={"at_target": None})
+    with pytest.raises(duralab.InputError, match=r"excitation\.at_target is not; give its level"):
+        lab.identify(rig.name, alone, estimator, target=target, band=(1.0, 30.0))

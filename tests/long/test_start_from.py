@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from one_experiment import identified_by_one_experiment
 
 import duralab
 from duralab.campaign import load_campaign, parse_campaign
@@ -20,8 +21,10 @@ def campaign(name: str, *, iso_class: str = "C/D", rig: str = "front_axle", **ch
     road = {"iso_class": iso_class, "seed": 12, "duration": 10.0}
     content |= {"name": name, "rig": rig, "target": {"road": road, "vehicle": "predecessor", "speed": 15.0}}
     content["stop"] |= {"relative_rms_error": 0.1, "iterations": 6}
-    # Larger first gains than those of the demo, so that a campaign without knowledge is not slow because of them.
+    # Larger first gains than those of the demo, so that a campaign without knowledge is not slow because of them, and
+    # one loud experiment: after a second one at its own target a campaign knows as much as it would learn here.
     content["update"]["gain_schedule"] = [0.8, 1.0]
+    identified_by_one_experiment(content)
     return parse_campaign(yaml.safe_dump(content | changes), name=name)
 
 

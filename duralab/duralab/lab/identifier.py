@@ -20,7 +20,7 @@ from duralab.lab.playing import halting
 from duralab.lab.progress import RunProgress, Stage
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import array_pb2, identifier_pb2, query_pb2
-from duralab_settings import EstimatorSettings, ExcitationSettings
+from duralab_settings import AtTarget, EstimatorSettings, ExcitationSettings
 
 
 class Identifier:
@@ -61,11 +61,13 @@ class Identifier:
         *,
         seed: int = 0,
         learn_drive_map: bool = False,
+        target: Signals | None = None,
+        band: tuple[float, float] | None = None,
         on_progress: Callable[[RunProgress], None] | None = None,
         timeout_seconds: float | None = None,
         cancel: threading.Event | None = None,
     ) -> Model:
-        """Run an experiment on a rig and return the model.
+        """Run an experiment on a rig, and with a target a second one at its level; return the model.
 
         Parameters
         ----------
@@ -78,6 +80,11 @@ class Identifier:
         learn_drive_map : bool
             Whether to learn which drives follow products of other drives, as in a campaign. If some do, `Model.frf` is
             from mapped drives, and `predict` maps a drive first.
+        target : Signals, optional
+            Target of as many responses as the rig has drives, for the second experiment of `excitation.at_target`. Not
+            given: only the first experiment is played.
+        band : tuple of float, optional
+            Band of the target in Hz; needed with a target.
         on_progress : callable, optional
             Called with a `RunProgress` about once a second.
         timeout_seconds : float, optional
@@ -96,11 +103,13 @@ class Identifier:
             The rig could not play the experiment (`InputError`), or the experiment did not identify the rig.
         """
         request = self._request(rig, excitation, estimator, seed=seed)
+        at_target = _second_experiment(excitation, target, band)
         if learn_drive_map:
             request.drive_map.SetInParent()
         end = deadline_of(timeout_seconds, cancel)
-        with halting(self._ask, rig, end):
-            message = self._ask.query(
+
+        def played() -> identifier_pb2.Model:
+            return self._ask.query(
                 self._keys.identify(rig),
                 request,
                 identifier_pb2.Model,
@@ -108,6 +117,18 @@ class Identifier:
                 deadline=end,
                 what=f"The identification of rig {rig!r}",
             )
+
+        with halting(self._ask, rig, end):
+            message = played()
+            if at_target is not None:
+                request.run = f"{request.run}.at_target"
+                request.excitation.duration = at_target.duration
+                request.excitation.realisations = 0
+                request.excitation.static_hold = 0.0
+                # Other phases and other noise than in the first experiment.
+                request.excitation.seed, request.rig_seed = seed + 1, seed + 1
+                request.shape.CopyFrom(_shape(message, at_target.level, target, band))
+                message = played()
         return Model.from_message(message)
 
     def levels(
@@ -245,6 +266,33 @@ class Identifier:
             run=f"identify-{uuid.uuid4().hex[:12]}",
             rig_seed=seed,
         )
+
+
+def _second_experiment(
+    excitation: ExcitationSettings, target: Signals | None, band: tuple[float, float] | None
+) -> AtTarget | None:
+    """Return the second experiment if there is a target for it."""
+    if target is None and band is None:
+        return None
+    if target is None or band is None:
+        missing = "target" if target is None else "band"
+        raise InputError(f"{missing} is not given; a second experiment needs target and band, so give both.")
+    if excitation.at_target is None:
+        raise InputError(
+            "target is given and excitation.at_target is not; give its level and duration, or leave the target out.",
+            field="excitation.at_target",
+        )
+    return excitation.at_target
+
+
+def _shape(
+    model: identifier_pb2.Model, level: float, target: Signals | None, band: tuple[float, float] | None
+) -> identifier_pb2.TargetShape:
+    if target is None or band is None:
+        raise AssertionError("Both are given: it is checked before the first experiment.")
+    return identifier_pb2.TargetShape(
+        model=model, target=target.to_message(), lowest_frequency=band[0], highest_frequency=band[1], level=level
+    )
 
 
 ValueT = TypeVar("ValueT")

@@ -93,7 +93,7 @@ class _Prepared:
 
     def inputs(self, mapped: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the independent inputs of the experiment: the mapped drives, or the responses predicted for them."""
-        return mapped if self.shape is None else self.shape.predicted(mapped)
+        return mapped if self.shape is None else self.shape.predicted(mapped).response
 
 
 class IdentifierService:

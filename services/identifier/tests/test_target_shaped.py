@@ -46,6 +46,9 @@ PULSES = np.array([[1e5, 1e4], [9e4, 3e4]])[:, :, None] * np.array(
 )
 FREQUENCY = line_frequencies(BLOCK, RATE)
 TRUE = np.einsum("ijt,ft->fij", PULSES, np.exp(-2j * np.pi * FREQUENCY[:, None] * TIME))
+SMALL = np.full((FREQUENCY.size, 2), 1e-6)
+# Of drives that were alone in the first experiment.
+COVARIANCE = np.tile(1e6 * np.eye(2, dtype=complex), (FREQUENCY.size, 1, 1))
 BAND = ValidBand(LOWEST, HIGHEST, RATE, BLOCK)
 
 
@@ -80,8 +83,17 @@ def target(seconds=30.0):
 
 
 def shape(frf=TRUE, **changes):
-    given = {"frf": frf, "band": BAND, "drive_map": None, "target_band": (2.0, 30.0), "level": 0.5} | changes
-    return shape_of(target(), **given)
+    given = {
+        "frf": frf,
+        "residual_psd": SMALL,
+        "row_covariance": COVARIANCE,
+        "band": BAND,
+        "drive_map": None,
+        "target_band": (0.8, 40.0),
+        "level": 0.5,
+    } | changes
+    # A static load is no part of what is shaped.
+    return shape_of(target() + np.array([[5000.0], [-70.0]]), **given)
 
 
 def captured(experiment, record):
@@ -131,7 +143,7 @@ def test_the_frf_is_found_from_drives_that_go_together_by_way_of_a_wrong_model()
     periods = captured(experiment, experiment.drive).reshape(2, -1, BLOCK)
     density = 2.0 / (RATE * BLOCK) * np.mean(np.abs(np.fft.rfft(periods, axis=2)) ** 2, axis=1).T
     np.testing.assert_allclose(found.drive_psd[lines], density[lines], rtol=0.02)
-    levels = separate_distortion(as_played.predicted(experiment.drive), response, experiment.layout)
+    levels = separate_distortion(as_played.predicted(experiment.drive).response, response, experiment.layout)
     assert np.all(np.abs(levels.distortion_psd[lines]) < 0.01 * levels.response_psd[lines].max())
 
 
@@ -154,6 +166,17 @@ def test_a_drive_beyond_a_limit_lowers_the_level_of_all():
         shaped_experiment(shape(), SETTINGS, rig=tiny)
 
 
+def test_a_model_that_does_not_know_what_the_responses_will_be_is_refused():
+    _, as_played = shaped_experiment(shape(residual_psd=1e7 * SMALL), SETTINGS, rig=RIG)
+    assert as_played.level == 0.5
+    # The variance of a response's error is linear in the residual: 0.55 times the level became 2 times.
+    with pytest.raises(SettingsError, match=r"error of shaped response 1 is 2 times its level by the model") as found:
+        shaped_experiment(shape(residual_psd=np.array([1.0, 1.3e8]) * SMALL), SETTINGS, rig=RIG)
+    assert found.value.field == "shape.model"
+    with pytest.raises(SettingsError, match="does not state how uncertain it is"):
+        shape(residual_psd=0.0 * SMALL)
+
+
 def test_what_does_not_fit_is_refused():
     with pytest.raises(SettingsError, match=r"the target of 2 responses and the rig 1 drives"):
         shape(frf=TRUE[:, :, :1])
@@ -161,10 +184,12 @@ def test_what_does_not_fit_is_refused():
         shape(target_band=(2.0, 2.1))
     with pytest.raises(SettingsError, match=r"cannot be inverted"):
         shape(frf=np.ones_like(TRUE))
-    with pytest.raises(SettingsError, match=r"Target 1 of the shape does not move"):
+    with pytest.raises(SettingsError, match=r"Target 1 of the shape does not move in its band"):
         shape_of(
             target() * np.array([[1.0], [0.0]]),
             frf=TRUE,
+            residual_psd=SMALL,
+            row_covariance=COVARIANCE,
             band=BAND,
             drive_map=None,
             target_band=(2.0, 30.0),

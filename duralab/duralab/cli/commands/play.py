@@ -149,6 +149,8 @@ def identify(
             on_progress=display.show,
         )
     output.say(str(model))
+    if asked.excitation.at_target is not None:
+        output.say("excitation.at_target is not played here: it needs a target, which a campaign has.")
     if out is not None:
         write_frf(model, out, replace=replace)
         output.say(f"{out}: the frequency responses")

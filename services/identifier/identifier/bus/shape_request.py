@@ -46,9 +46,12 @@ def shape_from(message: identifier_pb2.TargetShape, *, rig: RigUnderTest) -> tup
         raise SettingsError(
             f"The level of the shape is {message.level:g}; it must be above 0, and 1 at most.", field="shape.level"
         )
+    rows = [names.index(channel.name) for channel in channels]
     shape = shape_of(
         target,
-        frf=model.frf[:, [names.index(channel.name) for channel in channels], :],
+        frf=model.frf[:, rows, :],
+        residual_psd=model.residual_psd[:, rows],
+        row_covariance=model.row_covariance,
         band=model.band,
         drive_map=drive_map,
         target_band=(message.lowest_frequency, message.highest_frequency),

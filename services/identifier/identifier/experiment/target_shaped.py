@@ -19,7 +19,7 @@ from identifier.excitation import Experiment, ExperimentSettings, design_experim
 from identifier.experiment.estimate import estimate_experiment
 from identifier.experiment.rig_under_test import RigUnderTest
 from identifier.layout import Layout
-from identifier.uncertainty import ValidBand, predict_response
+from identifier.uncertainty import Prediction, ValidBand, predict_response
 
 #: Standard deviation of the smoothing of a target's spectrum, in natural logarithms of frequency: a sixth of an octave.
 _SMOOTHING: Final = np.log(2.0) / 6.0
@@ -28,6 +28,9 @@ _LEAST_DENSITY: Final = 1e-3
 _OVERLAP: Final = 0.5
 # Room that is left to a limit, and the most steps to find the level that leaves it: with a map it is no proportion.
 _ROOM, _MOST_STEPS = 0.98, 12
+# Random error of a predicted response over its level: at 1 the rig answers with 1.4 times the level. A front axle that
+# friction held in the first experiment has 1 to 3, and answered with 13 times the level; one that moved has 0.1 to 0.4.
+_LARGEST_UNCERTAINTY: Final = 1.0
 # Share of the requested level below which the limits are too near.
 _LEAST_SHARE: Final = 0.1
 
@@ -46,6 +49,8 @@ class TargetShape:
     density
         Shape (lines, drives), response units: root of the density of each shaped response. Its RMS over the lines of
         the band is the RMS of the response.
+    residual_psd, row_covariance
+        Shapes (lines, drives) and (lines, drives, drives): uncertainty of the model, see `row_covariance`.
     drive_map
         Map that goes with the model; None if it was not learned.
     level
@@ -53,6 +58,8 @@ class TargetShape:
     """
 
     frf: NDArray[np.complex128]
+    residual_psd: NDArray[np.float64]
+    row_covariance: NDArray[np.complex128]
     band: ValidBand
     density: NDArray[np.float64]
     drive_map: DriveMap | None
@@ -62,22 +69,19 @@ class TargetShape:
         """Return the input of the model for a drive, shape (drives, samples)."""
         return drive if self.drive_map is None else self.drive_map.to_mapped(drive)
 
-    def predicted(self, mapped: NDArray[np.float64]) -> NDArray[np.float64]:
+    def predicted(self, mapped: NDArray[np.float64]) -> Prediction:
         """Return the predicted responses to mapped drives, shape (drives, samples), in the model's band."""
-        lines, drives = self.density.shape
         return predict_response(
-            mapped,
-            self.frf,
-            band=self.band,
-            residual_psd=np.zeros((lines, drives)),
-            row_covariance=np.zeros((lines, drives, drives), dtype=np.complex128),
-        ).response
+            mapped, self.frf, band=self.band, residual_psd=self.residual_psd, row_covariance=self.row_covariance
+        )
 
 
 def shape_of(
     target: ArrayLike,
     *,
     frf: NDArray[np.complex128],
+    residual_psd: NDArray[np.float64],
+    row_covariance: NDArray[np.complex128],
     band: ValidBand,
     drive_map: DriveMap | None,
     target_band: tuple[float, float],
@@ -88,9 +92,11 @@ def shape_of(
     Parameters
     ----------
     target
-        Shape (drives, samples), response units: the responses that are shaped, as many as drives.
+        Shape (drives, samples), response units: the responses that are shaped, as many as drives; means do not count.
     frf
         Complex, shape (lines, drives, drives): the model from mapped drives to these responses.
+    residual_psd, row_covariance
+        Shapes (lines, drives) and (lines, drives, drives): uncertainty of these rows of the model.
     band
         Valid band of the model.
     drive_map
@@ -98,7 +104,7 @@ def shape_of(
     target_band
         Band of the target, in hertz. Outside it the spectrum at its edge continues.
     level
-        RMS of the responses over that of the target, above 0 to 1.
+        RMS of the responses over that of the target in its band, above 0 to 1.
 
     Returns
     -------
@@ -111,6 +117,8 @@ def shape_of(
         The responses are not as many as the drives, a target does not move, or the model cannot be inverted.
     """
     record = as_record(target, name="target")
+    # A target as measured has a static load, which no stroke in the band makes.
+    record = record - np.mean(record, axis=1, keepdims=True)
     frequency = line_frequencies(band.block_samples, band.sample_rate)
     drives = frf.shape[2]
     if record.shape[0] != drives or frf.shape[1] != drives:
@@ -119,20 +127,34 @@ def shape_of(
             "experiment needs as many of both, so leave some responses out.",
             field="shape.target",
         )
-    size = rms(record)
-    if not np.all(size > 0.0):
-        raise SettingsError(
-            f"Target {int(np.argmin(size))} of the shape does not move; each response needs one that does.",
-            field="shape.target",
-        )
     lines = band.lines
     if np.linalg.matrix_rank(frf[lines]).min() < drives:
         raise SettingsError(
             "The model of the shape cannot be inverted at every line; identify the rig again.", field="shape.model"
         )
     density = _smooth_density(record, frequency, band=band, target_band=target_band)
+    size = _rms_in_band(record, target_band, sample_rate=band.sample_rate)
+    if not np.all(size > 0.0):
+        raise SettingsError(
+            f"Target {int(np.argmin(size))} of the shape does not move in its band; each response needs one that does.",
+            field="shape.target",
+        )
     density *= level * size / np.sqrt(np.mean(density[lines] ** 2, axis=0))
-    return TargetShape(frf=frf, band=band, density=density, drive_map=drive_map, level=level)
+    if not np.all(np.any(residual_psd[lines] > 0.0, axis=0)):
+        raise SettingsError(
+            "The model of the shape does not state how uncertain it is; identify the rig with two realisations or "
+            "more, or with a local estimator.",
+            field="shape.model",
+        )
+    return TargetShape(
+        frf=frf,
+        residual_psd=residual_psd,
+        row_covariance=row_covariance,
+        band=band,
+        density=density,
+        drive_map=drive_map,
+        level=level,
+    )
 
 
 def _smooth_density(
@@ -153,6 +175,15 @@ def _smooth_density(
     weight = np.exp(-0.5 * ((at[:, None] - np.log(frequency[known])) / _SMOOTHING) ** 2)
     smooth = weight @ density[known] / weight.sum(axis=1, keepdims=True)
     return np.sqrt(np.maximum(smooth, _LEAST_DENSITY * smooth.max(axis=0)))
+
+
+def _rms_in_band(record: NDArray[np.float64], band: tuple[float, float], *, sample_rate: float) -> NDArray[np.float64]:
+    """Return the RMS of what each row has in a band, over the whole record."""
+    samples = record.shape[1]
+    frequency = np.fft.rfftfreq(samples, 1.0 / sample_rate)
+    inside = (frequency >= band[0]) & (frequency <= band[1]) & (frequency > 0.0)
+    power = np.abs(np.fft.rfft(record, axis=1)[:, inside]) ** 2
+    return np.sqrt(2.0 * power.sum(axis=1)) / samples
 
 
 def shaped_experiment(
@@ -180,7 +211,7 @@ def shaped_experiment(
     ------
     SettingsError
         The excitation is no multisine, has another block or band than the model, or fits the limits only at less than
-        a tenth of the level.
+        a tenth of the level; or the model is so uncertain that a response could be larger by far than its target.
     """
     first, drives = settings.spectra[0], len(rig.drives)
     if not settings.kind.is_multisine:
@@ -214,8 +245,23 @@ def shaped_experiment(
             f"shape is valid from {shape.band.lowest:g} to {shape.band.highest:g} Hz: stay within it.",
             field="excitation",
         )
+    _require_certainty(shape, made.drive)
     drive, share = _within_limits(made.drive, shape, rig)
     return replace(made, drive=drive), replace(shape, level=share * shape.level, density=share * shape.density)
+
+
+def _require_certainty(shape: TargetShape, mapped: NDArray[np.float64]) -> None:
+    """Refuse a model by which the responses are mostly error: a larger one adds to what the rig is loaded with."""
+    predicted = shape.predicted(mapped)
+    ratio = predicted.uncertainty_rms / rms(predicted.response)
+    worst = int(np.argmax(ratio))
+    if not ratio[worst] <= _LARGEST_UNCERTAINTY:
+        raise SettingsError(
+            f"The random error of shaped response {worst} is {ratio[worst]:.2g} times its level by the model of the "
+            f"shape, and {_LARGEST_UNCERTAINTY:g} is allowed; identify the rig louder or longer before, or leave the "
+            "target's level out.",
+            field="shape.model",
+        )
 
 
 def _within_limits(
@@ -276,7 +322,7 @@ def estimate_shaped(
         The records do not agree or do not identify the rig.
     """
     chosen_width = settings.model_copy(update={"local_half_width": None})
-    found = estimate_experiment(chosen_width, layout, drive=shape.predicted(mapped), response=response)
+    found = estimate_experiment(chosen_width, layout, drive=shape.predicted(mapped).response, response=response)
     to_predicted = np.where(found.valid[:, None, None], shape.frf, 0.0)
     back = np.zeros_like(to_predicted)
     back[found.valid] = np.linalg.inv(shape.frf[found.valid])
