@@ -5,7 +5,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Final
 
@@ -21,6 +22,7 @@ from study_page import Findings, label, markdown_table, percent, plain_numbers, 
 
 from duralab_drive_map import DriveMap, LearnedDriveMap, learn_drive_map
 from duralab_loads import damage_ratio
+from duralab_proto.v1 import array_pb2
 from duralab_settings import (
     EstimatorKind,
     EstimatorSettings,
@@ -29,7 +31,19 @@ from duralab_settings import (
     WhitePinkSpectrum,
 )
 from duralab_spectra import rms
-from identifier import ExperimentSettings, design_experiment, estimate_experiment, row_covariance
+from identifier import (
+    Experiment,
+    ExperimentSettings,
+    FrfEstimate,
+    RigUnderTest,
+    ValidBand,
+    design_experiment,
+    estimate_experiment,
+    estimate_shaped,
+    row_covariance,
+    shape_of,
+    shaped_experiment,
+)
 from iterator import (
     MapFromFirstPlayback,
     ModelUncertainty,
@@ -74,6 +88,10 @@ UPDATES_TRIED: Final = (
 #: Gains that keep forces small until the map is learned again, and a level that costs the specimen little.
 CAREFUL: Final = SECANT.model_copy(update={"gain_schedule": (0.6, 0.8, 1.0)})
 QUIET: Final[Level] = (0.0013, 2e-5, 1e-4)
+#: A first experiment that a second one at this share of the target follows, and the gains after it.
+FIRST: Final[Level] = (0.001, 2e-5, 1e-4)
+SHARE: Final = 0.5
+AT_TARGET: Final = SECANT.model_copy(update={"gain_schedule": (0.65, 0.8, 1.0)})
 ROAD, OTHER_ROAD, REACHABLE = "road", "other road", "own"
 RIGS: Final = ("front_axle", "macpherson")
 
@@ -87,6 +105,7 @@ class Extent:
     playbacks: int
     told: tuple[int, ...]
     experiment_seconds: float
+    first_seconds: float
     levels: tuple[Level, ...]
     seeds: tuple[int, ...]
     plants: int
@@ -100,22 +119,23 @@ FULL: Final = Extent(
     7,
     (1, 2, 3, 4, 5, 7),
     75.0,
+    38.0,
     ((0.001, 2e-5, 1e-4), (0.002, 3e-5, 1.5e-4), LEVEL, (0.004, 5e-5, 2e-4), (0.008, 1e-4, 2e-4)),
     (1, 2),
     12,
     36.0,
     4,
 )
-QUICK: Final = Extent(5.0, 1, 2, (1, 2), 75.0, (LEVEL,), (1,), 2, 5.0, 2)
+QUICK: Final = Extent(5.0, 1, 2, (1, 2), 75.0, 38.0, (LEVEL,), (1,), 2, 5.0, 2)
 
 
 @dataclass(frozen=True)
 class Identified:
-    """A rig that is identified: `plain` from its drives, `learned` with a drive map; `response` to the experiment."""
+    """A rig that is identified: `plain` from its drives, `learned` with a drive map; `responses` to the experiments."""
 
     plain: RigModel
     learned: LearnedDriveMap[RigModel]
-    response: NDArray[np.float64]
+    responses: tuple[NDArray[np.float64], ...]
 
 
 @cache
@@ -124,10 +144,9 @@ def rig(name: str) -> PlayableRig:
     return load_any_rig(shipped_specimens()[name])
 
 
-def identify_mapped(name: str, weight: NDArray[np.float64], *, level: Level, seconds: float, seed: int) -> Identified:
-    """Identify a rig with random orthogonal multisines and learn its drive map, as the identifier does."""
-    names = tuple(channel.name for channel in rig(name).specimen.drives)
-    settings = ExperimentSettings(
+def experiment_settings(level: Level, *, seconds: float, seed: int) -> ExperimentSettings:
+    """Return random orthogonal multisines."""
+    return ExperimentSettings(
         kind=ExcitationKind.RANDOM_ORTHOGONAL,
         drive_spectra=(_SPECTRUM,) * 6,
         rms=level * 2,
@@ -138,25 +157,89 @@ def identify_mapped(name: str, weight: NDArray[np.float64], *, level: Level, sec
         delay_blocks=1,
         capture_blocks=2,
     )
-    experiment = design_experiment(settings, drives=6, sample_rate=SAMPLE_RATE)
-    response = play(rig(name), experiment.drive, seed=_IDENTIFICATION_NOISE + seed)
 
-    def model(drive: NDArray[np.float64]) -> RigModel:
-        found = estimate_experiment(_ESTIMATOR, experiment.layout, drive=drive, response=response)
-        uncertainty = ModelUncertainty(found.residual_psd, row_covariance(found.s_uu, averages=found.averages))
-        return rig_model(found.frequency, found.frf, identified_band=IDENTIFIED, uncertainty=uncertainty)
 
-    plain = model(experiment.drive)
-    learned = learn_drive_map(
+def model_of(found: FrfEstimate) -> RigModel:
+    """Return the model of an estimate."""
+    uncertainty = ModelUncertainty(found.residual_psd, row_covariance(found.s_uu, averages=found.averages))
+    return rig_model(found.frequency, found.frf, identified_band=IDENTIFIED, uncertainty=uncertainty)
+
+
+def learned_from(
+    name: str,
+    weight: NDArray[np.float64],
+    experiment: Experiment,
+    response: NDArray[np.float64],
+    *,
+    plain: RigModel,
+    estimate: Callable[[NDArray[np.float64]], RigModel] | None,
+    start: DriveMap | None = None,
+) -> LearnedDriveMap[RigModel]:
+    """Learn the drive map from a record, as the identifier does."""
+    names = tuple(channel.name for channel in rig(name).specimen.drives)
+    return learn_drive_map(
         experiment.drive,
         response,
         model=plain,
         names=names,
         units=("m",) * 6,
         response_weight=weight,
-        estimate=model,
+        estimate=estimate,
+        start=start,
     )
-    return Identified(plain, learned, response)
+
+
+def identify_mapped(name: str, weight: NDArray[np.float64], *, level: Level, seconds: float, seed: int) -> Identified:
+    """Identify a rig with random orthogonal multisines and learn its drive map, as the identifier does."""
+    settings = experiment_settings(level, seconds=seconds, seed=seed)
+    experiment = design_experiment(settings, drives=6, sample_rate=SAMPLE_RATE)
+    response = play(rig(name), experiment.drive, seed=_IDENTIFICATION_NOISE + seed)
+
+    def model(drive: NDArray[np.float64]) -> RigModel:
+        return model_of(estimate_experiment(_ESTIMATOR, experiment.layout, drive=drive, response=response))
+
+    plain = model(experiment.drive)
+    learned = learned_from(name, weight, experiment, response, plain=plain, estimate=model)
+    return Identified(plain, learned, (response,))
+
+
+def identify_at_target(name: str, target: NDArray[np.float64], extent: Extent, *, seed: int) -> Identified:
+    """Identify a rig quietly, then with responses that have the spectra of the target, as the identifier does."""
+    weight = 1.0 / rms(target)
+    first = identify_mapped(name, weight, level=FIRST, seconds=extent.first_seconds, seed=seed)
+    found = first.learned
+    uncertainty = found.model.uncertainty
+    if uncertainty is None:
+        raise AssertionError("The model was made with its uncertainty.")
+    wanted = shape_of(
+        target,
+        frf=found.model.frf,
+        residual_psd=uncertainty.residual_psd,
+        row_covariance=uncertainty.row_covariance,
+        band=ValidBand(*IDENTIFIED, SAMPLE_RATE, AXLE_BLOCK),
+        drive_map=found.drive_map,
+        target_band=(BAND.lowest, BAND.highest),
+        level=SHARE,
+    )
+    channels = tuple(
+        array_pb2.Channel(
+            name=each.name, minimum=each.minimum, maximum=each.maximum, slew_limit=each.slew_limit, unit="m"
+        )
+        for each in rig(name).specimen.drives
+    )
+    described = RigUnderTest(name, SAMPLE_RATE, channels, (), extent.experiment_seconds, "")
+    settings = experiment_settings(FIRST, seconds=extent.experiment_seconds, seed=100 + seed)
+    experiment, shape = shaped_experiment(wanted, settings, rig=described)
+    response = play(rig(name), experiment.drive, seed=_IDENTIFICATION_NOISE + 100 + seed)
+
+    def model(mapped: NDArray[np.float64]) -> RigModel:
+        return model_of(estimate_shaped(shape, _ESTIMATOR, experiment.layout, mapped=mapped, response=response))
+
+    plain, start = model(shape.mapped(experiment.drive)), found.drive_map
+    learned = learned_from(name, weight, experiment, response, plain=plain, estimate=None, start=start)
+    if learned.chosen:
+        learned = replace(learned, model=model(learned.drive_map.to_mapped(experiment.drive)))
+    return Identified(plain, learned, (*first.responses, response))
 
 
 def own_target(name: str, drive: NDArray[np.float64], drive_map: DriveMap) -> NDArray[np.float64]:
@@ -228,9 +311,10 @@ class Course:
         )
 
 
-def identification_passes(target: NDArray[np.float64], response: NDArray[np.float64]) -> NDArray[np.float64]:
+def identification_passes(target: NDArray[np.float64], found: Identified) -> NDArray[np.float64]:
     """Return the damage that an identification spends in each channel, in passes of the target, slope 5."""
-    return damage_ratio(target, BAND.limit_target(response))[:, _SLOPE]
+    each = [damage_ratio(target, BAND.limit_target(response))[:, _SLOPE] for response in found.responses]
+    return np.sum(each, axis=0)
 
 
 @dataclass(frozen=True)
@@ -260,6 +344,7 @@ def study(quick: bool) -> Findings:
         rows += campaigns_of(name, roads, targets, extent)
     levels = levels_table(roads[ROAD], targets["front_axle", REACHABLE], extent)
     careful = careful_table(targets["front_axle", REACHABLE], extent)
+    at_target = at_target_table(targets, extent)
     plants = plants_table(extent)
     figure, axes = plt.subplots(1, 3, figsize=(13.5, 4.6), layout="constrained", sharey=True)
     places = (("front_axle", ROAD), ("front_axle", REACHABLE), ("macpherson", ROAD))
@@ -267,7 +352,7 @@ def study(quick: bool) -> Findings:
         draw(place, [row for row in rows if (row.rig, row.target) == (name, target)], f"{name}, {target} target")
     plain_numbers(*axes)
     figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, fontsize=8)
-    return Findings(figure, "\n\n".join((campaigns_table(rows, extent), levels, careful, plants)))
+    return Findings(figure, "\n\n".join((campaigns_table(rows, extent), levels, careful, at_target, plants)))
 
 
 def campaigns_of(
@@ -353,7 +438,7 @@ def levels_table(road: NDArray[np.float64], own: NDArray[np.float64], extent: Ex
                     "front_axle", target, found, update=SECANT, playbacks=2, how=Mapped.FROM_IDENTIFICATION
                 )
                 course = Course.of(trial)
-                spent.append(identification_passes(target, found.response).max())
+                spent.append(identification_passes(target, found).max())
                 errors.append(course.worst)
                 played.append(course.passes.max())
             error = np.median(errors, axis=0)
@@ -372,28 +457,60 @@ def levels_table(road: NDArray[np.float64], own: NDArray[np.float64], extent: Ex
 def careful_table(own: NDArray[np.float64], extent: Extent) -> str:
     """Write what campaigns with small first steps, and a map that is learned again, cost the specimen."""
     playbacks = min(5, extent.playbacks)
-    head = ["identified at, mm RMS, seed; front_axle, own target, gains 0.6, 0.8, 1", "passes of the identification"]
+    head = ["identified at, mm RMS; gains; seed; front_axle, own target", "passes of the identification"]
     head += [f"worst channel after {number}" for number in range(1, playbacks + 1)] + [
         "largest force over the target's"
     ]
     head += [f"passes with {number} playbacks (goal {1.5 * (number + 1):g})" for number in (playbacks - 1, playbacks)]
     lines = []
-    for level in (LEVEL, QUIET):
+    for level, update in ((LEVEL, CAREFUL), (QUIET, CAREFUL), (None, AT_TARGET)):
         for seed in (*extent.seeds, max(extent.seeds) + 1):
-            found = identify_mapped(
-                "front_axle", 1.0 / rms(own), level=level, seconds=extent.experiment_seconds, seed=seed
-            )
-            trial = iterated("front_axle", own, found, update=CAREFUL, playbacks=playbacks, how=Mapped.LEARNED_AGAIN)
-            course, before = Course.of(trial), identification_passes(own, found.response)
+            if level is None:
+                found = identify_at_target("front_axle", own, extent, seed=seed)
+            else:
+                seconds = extent.experiment_seconds
+                found = identify_mapped("front_axle", 1.0 / rms(own), level=level, seconds=seconds, seed=seed)
+            trial = iterated("front_axle", own, found, update=update, playbacks=playbacks, how=Mapped.LEARNED_AGAIN)
+            course, before = Course.of(trial), identification_passes(own, found)
             each = np.array([step.metrics.specimen_damage[:, _SLOPE] for step in trial.iterations])
             spent = before + np.cumsum(each, axis=0)
+            told = " / ".join(f"{1e3 * part:g}" for part in level or FIRST)
+            told += f", then at {SHARE:g} of the target" if level is None else ""
             lines.append(
                 [
-                    f"{' / '.join(f'{1e3 * part:g}' for part in level)}, {seed}",
+                    f"{told}; {', '.join(f'{gain:g}' for gain in update.gain_schedule)}; {seed}",
                     f"{before.max():.3g}",
                     *(percent(float(error)) for error in course.worst),
                     f"{course.largest_force:.3g}",
                     *(f"{spent[number - 1].max():.3g}" for number in (playbacks - 1, playbacks)),
+                ]
+            )
+    return markdown_table(head, lines)
+
+
+def at_target_table(targets: dict[tuple[str, str], NDArray[np.float64]], extent: Extent) -> str:
+    """Write campaigns after a second experiment at the target, on every rig and target."""
+    head = ["rig, target, gains, identified at the target; error in %: all channels / worst"]
+    head += [f"after {number}" for number in extent.told]
+    head += ["largest force over the target's", "passes of the identification", "passes with 4 playbacks"]
+    lines = []
+    for (name, which), target in targets.items():
+        found = identify_at_target(name, target, extent, seed=1)
+        before = identification_passes(target, found)
+        for update in (SECANT, AT_TARGET):
+            trial = iterated(name, target, found, update=update, playbacks=extent.playbacks, how=Mapped.LEARNED_AGAIN)
+            course = Course.of(trial)
+            four = np.sum([step.metrics.specimen_damage[:, _SLOPE] for step in trial.iterations[:4]], axis=0)
+            lines.append(
+                [
+                    f"{name}, {which}, {', '.join(f'{gain:g}' for gain in update.gain_schedule)}",
+                    *(
+                        f"{100.0 * course.overall[number - 1]:.3g} / {100.0 * course.worst[number - 1]:.3g}"
+                        for number in extent.told
+                    ),
+                    f"{course.largest_force:.3g}",
+                    f"{before.max():.3g}",
+                    f"{(before + four).max():.3g}",
                 ]
             )
     return markdown_table(head, lines)
