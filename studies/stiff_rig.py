@@ -213,6 +213,7 @@ def identify_at_target(name: str, target: NDArray[np.float64], extent: Extent, *
         raise AssertionError("The model was made with its uncertainty.")
     wanted = shape_of(
         target,
+        names=tuple(each.name for each in rig(name).specimen.responses),
         frf=found.model.frf,
         residual_psd=uncertainty.residual_psd,
         row_covariance=uncertainty.row_covariance,

@@ -84,6 +84,7 @@ def target(seconds=30.0):
 
 def shape(frf=TRUE, **changes):
     given = {
+        "names": ("up", "across"),
         "frf": frf,
         "residual_psd": SMALL,
         "row_covariance": COVARIANCE,
@@ -170,7 +171,7 @@ def test_a_model_that_does_not_know_what_the_responses_will_be_is_refused():
     _, as_played = shaped_experiment(shape(residual_psd=1e7 * SMALL), SETTINGS, rig=RIG)
     assert as_played.level == 0.5
     # The variance of a response's error is linear in the residual: 0.55 times the level became 2 times.
-    with pytest.raises(SettingsError, match=r"error of shaped response 1 is 2 times its level by the model") as found:
+    with pytest.raises(SettingsError, match=r"the random error of across is 2 times its level at the target") as found:
         shaped_experiment(shape(residual_psd=np.array([1.0, 1.3e8]) * SMALL), SETTINGS, rig=RIG)
     assert found.value.field == "shape.model"
     with pytest.raises(SettingsError, match="does not state how uncertain it is"):
@@ -184,9 +185,10 @@ def test_what_does_not_fit_is_refused():
         shape(target_band=(2.0, 2.1))
     with pytest.raises(SettingsError, match=r"cannot be inverted"):
         shape(frf=np.ones_like(TRUE))
-    with pytest.raises(SettingsError, match=r"Target 1 of the shape does not move in its band"):
+    with pytest.raises(SettingsError, match=r"The target of across does not move in its band"):
         shape_of(
             target() * np.array([[1.0], [0.0]]),
+            names=("up", "across"),
             frf=TRUE,
             residual_psd=SMALL,
             row_covariance=COVARIANCE,

@@ -49,6 +49,7 @@ def shape_from(message: identifier_pb2.TargetShape, *, rig: RigUnderTest) -> tup
     rows = [names.index(channel.name) for channel in channels]
     shape = shape_of(
         target,
+        names=tuple(channel.name for channel in channels),
         frf=model.frf[:, rows, :],
         residual_psd=model.residual_psd[:, rows],
         row_covariance=model.row_covariance,

@@ -41,6 +41,8 @@ class TargetShape:
 
     Parameters
     ----------
+    names
+        Names of the shaped responses.
     frf
         Complex, shape (lines, drives, drives): the model from mapped drives to the shaped responses, response unit per
         drive unit, at the lines of a block.
@@ -57,6 +59,7 @@ class TargetShape:
         RMS of the responses over that of the target.
     """
 
+    names: tuple[str, ...]
     frf: NDArray[np.complex128]
     residual_psd: NDArray[np.float64]
     row_covariance: NDArray[np.complex128]
@@ -79,6 +82,7 @@ class TargetShape:
 def shape_of(
     target: ArrayLike,
     *,
+    names: tuple[str, ...],
     frf: NDArray[np.complex128],
     residual_psd: NDArray[np.float64],
     row_covariance: NDArray[np.complex128],
@@ -93,6 +97,8 @@ def shape_of(
     ----------
     target
         Shape (drives, samples), response units: the responses that are shaped, as many as drives; means do not count.
+    names
+        Names of these responses.
     frf
         Complex, shape (lines, drives, drives): the model from mapped drives to these responses.
     residual_psd, row_covariance
@@ -136,7 +142,8 @@ def shape_of(
     size = _rms_in_band(record, target_band, sample_rate=band.sample_rate)
     if not np.all(size > 0.0):
         raise SettingsError(
-            f"Target {int(np.argmin(size))} of the shape does not move in its band; each response needs one that does.",
+            f"The target of {names[int(np.argmin(size))]} does not move in its band; give one that does for each "
+            "response of the shape.",
             field="shape.target",
         )
     density *= level * size / np.sqrt(np.mean(density[lines] ** 2, axis=0))
@@ -147,6 +154,7 @@ def shape_of(
             field="shape.model",
         )
     return TargetShape(
+        names=names,
         frf=frf,
         residual_psd=residual_psd,
         row_covariance=row_covariance,
@@ -217,7 +225,7 @@ def shaped_experiment(
     if not settings.kind.is_multisine:
         raise SettingsError(
             f"The excitation is {settings.kind.value}; only a multisine can be shaped by a target: take "
-            "random_orthogonal, or leave the target's level out.",
+            "random_orthogonal, or leave the experiment at the target out.",
             field="excitation.kind",
         )
     flat = WhitePinkSpectrum(
@@ -257,9 +265,9 @@ def _require_certainty(shape: TargetShape, mapped: NDArray[np.float64]) -> None:
     worst = int(np.argmax(ratio))
     if not ratio[worst] <= _LARGEST_UNCERTAINTY:
         raise SettingsError(
-            f"The random error of shaped response {worst} is {ratio[worst]:.2g} times its level by the model of the "
-            f"shape, and {_LARGEST_UNCERTAINTY:g} is allowed; identify the rig louder or longer before, or leave the "
-            "target's level out.",
+            f"By the model of the shape the random error of {shape.names[worst]} is {ratio[worst]:.2g} times its level "
+            f"at the target, and {_LARGEST_UNCERTAINTY:g} is allowed; identify the rig louder or longer before, or "
+            "leave the experiment at the target out.",
             field="shape.model",
         )
 
@@ -280,7 +288,7 @@ def _within_limits(
             break
     raise SettingsError(
         f"At {_LEAST_SHARE:g} times the level of {shape.level:g} drive {name} would still pass a limit of the rig "
-        f"{excess:.3g} times; identify the rig without the target's level.",
+        f"{excess:.3g} times; leave the experiment at the target out.",
         field="shape.level",
     )
 
