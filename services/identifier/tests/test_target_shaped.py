@@ -90,11 +90,13 @@ def shape(frf=TRUE, **changes):
         "row_covariance": COVARIANCE,
         "band": BAND,
         "drive_map": None,
-        "target_band": (0.8, 40.0),
+        "target_band": (0.3, 40.0),
         "level": 0.5,
     } | changes
-    # A static load is no part of what is shaped.
-    return shape_of(target() + np.array([[5000.0], [-70.0]]), **given)
+    # A static load and what lies above the band are no part of what is shaped.
+    samples = target()
+    hum = 500.0 * np.sin(2.0 * np.pi * 60.0 * np.arange(samples.shape[1]) / RATE)
+    return shape_of(samples + hum + np.array([[5000.0], [-70.0]]), **given)
 
 
 def captured(experiment, record):
