@@ -20,7 +20,7 @@ from duralab.lab.playing import halting
 from duralab.lab.progress import RunProgress, Stage
 from duralab_proto.arrays import from_array, to_array
 from duralab_proto.v1 import array_pb2, identifier_pb2, query_pb2
-from duralab_settings import AtTarget, EstimatorSettings, ExcitationSettings
+from duralab_settings import EstimatorSettings, ExcitationSettings
 
 
 class Identifier:
@@ -103,7 +103,7 @@ class Identifier:
             The rig could not play the experiment (`InputError`), or the experiment did not identify the rig.
         """
         request = self._request(rig, excitation, estimator, seed=seed)
-        at_target = _second_experiment(excitation, target, band)
+        shape = _target_shape(excitation, target, band)
         if learn_drive_map:
             request.drive_map.SetInParent()
         end = deadline_of(timeout_seconds, cancel)
@@ -120,14 +120,15 @@ class Identifier:
 
         with halting(self._ask, rig, end):
             message = played()
-            if at_target is not None:
+            if shape is not None and excitation.at_target is not None:
                 request.run = f"{request.run}.at_target"
-                request.excitation.duration = at_target.duration
+                request.excitation.duration = excitation.at_target.duration
                 request.excitation.realisations = 0
                 request.excitation.static_hold = 0.0
                 # Other phases and other noise than in the first experiment.
                 request.excitation.seed, request.rig_seed = seed + 1, seed + 1
-                request.shape.CopyFrom(_shape(message, at_target.level, target, band))
+                shape.model.CopyFrom(message)
+                request.shape.CopyFrom(shape)
                 message = played()
         return Model.from_message(message)
 
@@ -268,10 +269,10 @@ class Identifier:
         )
 
 
-def _second_experiment(
+def _target_shape(
     excitation: ExcitationSettings, target: Signals | None, band: tuple[float, float] | None
-) -> AtTarget | None:
-    """Return the second experiment if there is a target for it."""
+) -> identifier_pb2.TargetShape | None:
+    """Return the shape of the second experiment, without its model, if a target for it is given."""
     if target is None and band is None:
         return None
     if target is None or band is None:
@@ -282,16 +283,11 @@ def _second_experiment(
             "target is given and excitation.at_target is not; give its level and duration, or leave the target out.",
             field="excitation.at_target",
         )
-    return excitation.at_target
-
-
-def _shape(
-    model: identifier_pb2.Model, level: float, target: Signals | None, band: tuple[float, float] | None
-) -> identifier_pb2.TargetShape:
-    if target is None or band is None:
-        raise AssertionError("Both are given: it is checked before the first experiment.")
     return identifier_pb2.TargetShape(
-        model=model, target=target.to_message(), lowest_frequency=band[0], highest_frequency=band[1], level=level
+        target=target.to_message(),
+        lowest_frequency=band[0],
+        highest_frequency=band[1],
+        level=excitation.at_target.level,
     )
 
 
