@@ -157,7 +157,8 @@ def mapped_errors(
     for number in range(playbacks):
         mapped: list[NDArray[np.float64]] = []
         for i in range(count):
-            step = update(histories[i], models[i], settings)
+            used = settings if maps[i].is_identity else settings.without_rate_limits
+            step = update(histories[i], models[i], used)
             models[i] = step.model
             mapped.append(step.drive)
         drives = [maps[i].to_drive(mapped[i]) for i in range(count)]

@@ -52,6 +52,8 @@ def test_secant_update_is_told_with_schedule_curve_and_acceptance(specification)
     )
     update.secant.odd_terms = True
     assert "regularisation 1e-05, odd terms, gain 1" in told(specification)["Update"]
+    update.secant.rate_limits = True
+    assert "regularisation 1e-05, odd terms, rate limits, gain 1" in told(specification)["Update"]
 
 
 @pytest.mark.parametrize(

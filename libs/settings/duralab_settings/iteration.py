@@ -92,6 +92,11 @@ class SecantSettings(Section):
         description="Learn what cubes and signed squares of the drives do, and use them while they predict the "
         "playbacks better than the drives alone.",
     )
+    rate_limits: bool = Field(
+        default=True,
+        description="Learn at which speed an actuator stops following its drive, and ask for hardly more in stretches "
+        "with a large error.",
+    )
     each_line: bool = Field(
         default=False,
         description="Fit each frequency line alone, not averaged with its neighbours: finer, from fewer averages.",

@@ -234,6 +234,9 @@ def _step(line: Lineage, own: Update | None) -> NextDrive:
     if not line.history.playbacks and (given := line.given_drive()) is not None:
         return NextDrive(drive=given, model=line.model)
     how = settings.update.without_terms if line.is_held else settings.update
+    if line.drive_map is not None and not line.drive_map.is_identity:
+        # An actuator moves with its own drive, and the update sees the mapped one.
+        how = how.without_rate_limits
     make = chosen_update(settings.update) if own is None else own
     return make(comparable_history(line.history, settings.levels), line.model, how)
 

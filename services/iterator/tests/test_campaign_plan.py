@@ -179,7 +179,13 @@ def test_all_settings_of_update_and_end_reach_the_core():
     made = plan.settings.update
     assert (made.kind, made.accept_segments, made.gain_schedule) == (UpdateKind.SECANT, True, (0.7, 1.0))
     assert made.secant == SecantSettings(
-        forgetting=0.6, prior_strength=0.4, caution=0.2, regularisation=1e-4, odd_terms=False, each_line=True
+        forgetting=0.6,
+        prior_strength=0.4,
+        caution=0.2,
+        regularisation=1e-4,
+        odd_terms=False,
+        rate_limits=False,
+        each_line=True,
     )
     assert (made.gain_curve_frequency, made.gain_curve_share) == ((5.0, 50.0), ((1.0, 0.5), (0.5, 0.5)))
     assert plan.settings.stop == StopCriteria(

@@ -44,6 +44,8 @@ def settings(
 ):
     stop = update.pop("stop", StopCriteria(iterations=iterations))
     made = UpdateSettings(band=BAND, iteration_gain=np.full(responses, gain), kind=kind, **update)
+    # With a map no rate limits are looked for, so the twin does not either.
+    made = made.without_rate_limits
     return CampaignSettings(update=made, stop=stop, limit_policy=policy, largest_overrun=10.0, levels=levels)
 
 

@@ -1,4 +1,4 @@
-"""What is said of a drive that had to be carried into the rig's limits, and of a response that stood still."""
+"""Remarks on a drive that was carried into the rig's limits, on an actuator's rate limit, and on responses."""
 
 from types import SimpleNamespace
 
@@ -8,12 +8,13 @@ import pytest
 from duralab_proto.v1 import array_pb2, iterator_pb2
 from iterator import DriveLimits, Outcome, Segment, Standstill, control_band, judge_response, project_drive
 from iterator.campaign.remarks import remarks_of
+from iterator.model import RateLimit
 
 RATE = 256.0
 NAMES = ("left", "right")
 
 
-def remarks(drive, *, peak, slew=0.0):
+def remarks(drive, *, peak, slew=0.0, rate_limits=()):
     limits = DriveLimits(
         names=NAMES,
         units=("m", "m"),
@@ -34,6 +35,7 @@ def remarks(drive, *, peak, slew=0.0):
         outcome="reached",
         metrics=related(),
         passed_bound=None,
+        model=SimpleNamespace(rate_limits=rate_limits),
     )
     return projection, remarks_of(iteration, plan=SimpleNamespace(description=description))
 
@@ -70,10 +72,18 @@ def test_what_had_to_be_clipped_is_told(tones):
     )
 
 
+def test_the_rate_limit_of_an_actuator_is_told(tones):
+    assert remarks(tones, peak=2.0, rate_limits=(None, RateLimit(27.0, 1.2345)))[1] == [
+        "Playback 2: right moved no faster than about 1.23 m/s in the playbacks before, so its drive was made for that "
+        "rate where the error was large; look whether its valve is at its stop there."
+    ]
+    assert remarks(tones, peak=2.0, rate_limits=(None, None))[1] == []
+
+
 def stood_still(number, *, weight, outcome, recorded=()):
     names = ("left_lateral", "beam")
     plan = SimpleNamespace(
-        description=SimpleNamespace(responses=[array_pb2.Channel(name=name, unit="N") for name in names]),
+        description=SimpleNamespace(drives=[], responses=[array_pb2.Channel(name=name, unit="N") for name in names]),
         response_weight=np.array(weight),
     )
     found = tuple(Standstill(response=i, segment=Segment(start=5.0, end=15.0)) for i in range(2))
@@ -86,6 +96,7 @@ def stood_still(number, *, weight, outcome, recorded=()):
         metrics=related(0.0, 0.0),
         passed_bound=None,
         learned=None,
+        model=SimpleNamespace(rate_limits=()),
     )
     return remarks_of(iteration, plan=plan, recorded=recorded)
 
@@ -107,7 +118,7 @@ def test_a_response_that_stood_still_is_told_with_the_time_and_what_to_do():
 def test_a_controlled_response_that_reproduces_nothing_is_told():
     names = ("left", "right", "beam", "axle")
     plan = SimpleNamespace(
-        description=SimpleNamespace(responses=[array_pb2.Channel(name=name, unit="N") for name in names]),
+        description=SimpleNamespace(drives=[], responses=[array_pb2.Channel(name=name, unit="N") for name in names]),
         response_weight=np.array([1.0, 0.5, 0.0, 1.0]),
     )
     iteration = SimpleNamespace(
@@ -119,6 +130,7 @@ def test_a_controlled_response_that_reproduces_nothing_is_told():
         metrics=related(0.101, 0.0625, np.nan, 0.99),
         passed_bound=None,
         learned=None,
+        model=SimpleNamespace(rate_limits=()),
     )
     assert remarks_of(iteration, plan=plan) == [
         "Playback 4: right has a correlation of 0.06 with its target; check its sensor, its sign and the model there "

@@ -48,6 +48,7 @@ def remarks_of(
             )
         ),
         *(f"{of_it}{sentence}" for sentence in _not_reproduced(iteration, plan)),
+        *(f"{of_it}{sentence}" for sentence in _rate_limits(iteration, plan)),
         *_bound_passed(iteration, plan),
         *(
             ()
@@ -94,6 +95,16 @@ def _not_reproduced(iteration: Iteration, plan: CampaignPlan) -> list[str]:
             zip(plan.description.responses, iteration.metrics.correlation, strict=True)
         )
         if plan.response_weight[i] > 0.0 and related <= _UNRELATED and i not in stood_still
+    ]
+
+
+def _rate_limits(iteration: Iteration, plan: CampaignPlan) -> list[str]:
+    """Return a remark on each actuator that had a rate limit in the playbacks before."""
+    return [
+        f"{channel.name} moved no faster than about {limit.rate:.3g} {channel.unit}/s in the playbacks before, so its "
+        "drive was made for that rate where the error was large; look whether its valve is at its stop there."
+        for channel, limit in zip(plan.description.drives, iteration.model.rate_limits, strict=False)
+        if limit is not None
     ]
 
 

@@ -5,6 +5,7 @@ from iterator.model.drive_terms import ODD_TERMS, DriveTerm
 from iterator.model.history import IterationHistory, Playback
 from iterator.model.interpolated_product import InterpolatedMatrix
 from iterator.model.inversion import cautious_inverse, checked_response_weight, gram_and_ridge
+from iterator.model.rate_limit import RateLimit
 from iterator.model.rig import FEWEST_LINES, ModelUncertainty, RigModel, driven_lines, rig_model
 from iterator.model.step_spectra import ForeseenStep, SeenStep, StepBlocks, StepSpectra, averaged_steps, seen_steps
 
@@ -17,6 +18,7 @@ __all__ = [
     "IterationHistory",
     "ModelUncertainty",
     "Playback",
+    "RateLimit",
     "RigModel",
     "SeenStep",
     "StepBlocks",

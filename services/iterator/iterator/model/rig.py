@@ -13,6 +13,7 @@ from iterator.band import ControlBand
 from iterator.model.drive_terms import DriveTerm
 from iterator.model.history import Playback
 from iterator.model.inversion import cautious_inverse, weighted_inverse
+from iterator.model.rate_limit import RateLimit
 from iterator.model.step_spectra import ForeseenStep, SeenStep
 
 FEWEST_LINES: Final = 4
@@ -63,6 +64,8 @@ class RigModel:
         FRF of the terms, term after term, response unit per drive unit to the power of 2 or 3; None without terms.
     foreseen_steps : tuple of ForeseenStep
         Prediction errors of the models before each of the seen steps.
+    rate_limits : tuple of RateLimit or None
+        Rate limits of the actuators that an update found, one for each drive; empty before it looked.
     earlier : tuple of tuple of Playback
         Playbacks of earlier campaigns on the same rig, one tuple for each campaign: an update that learns from steps
         also learns from theirs, in this order before its own.
@@ -79,6 +82,7 @@ class RigModel:
     terms: tuple[DriveTerm, ...] = ()
     term_frf: NDArray[np.complex128] | None = None
     foreseen_steps: tuple[ForeseenStep, ...] = ()
+    rate_limits: tuple[RateLimit | None, ...] = ()
     earlier: tuple[tuple[Playback, ...], ...] = ()
 
     @property

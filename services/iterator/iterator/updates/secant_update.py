@@ -27,6 +27,7 @@ from iterator.updates.drive_squares import drive_for_squares
 from iterator.updates.foresight import foreseen_steps, kept_inputs, terms_that_foresee
 from iterator.updates.gains import gain_at
 from iterator.updates.gauss_newton import StepProblem, gauss_newton_step
+from iterator.updates.rate_limits import within_rate_limits
 from iterator.updates.secant_fit import MatrixAndSpread, SecantFit, fit_secant
 from iterator.updates.settings import NextDrive, UpdateSettings
 
@@ -68,6 +69,20 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
         gain = gain_at(problem.frequency, settings, playbacks=basic_twr.playbacks_before(history, model))
         step = gauss_newton_step(problem, missing=history.target - start.response, gain=gain)
         drive = start.drive + (step if start.step_gain is None else start.step_gain * step)
+    if settings.secant.rate_limits and len(history.playbacks) > 1:
+        bounded = within_rate_limits(
+            drive,
+            history,
+            bent,
+            start=start,
+            lines=learned.lines,
+            uncertainty=settings.secant.caution * learned.fit.uncertainty,
+            regularisation=settings.secant.regularisation,
+            response_weight=learned.response_weight,
+            drive_scale=learned.drive_scale,
+            band=settings.band,
+        )
+        drive, bent = bounded.drive, replace(bent, rate_limits=bounded.limits)
     return NextDrive(drive=drive, model=bent, stepped_from=start.drive)
 
 

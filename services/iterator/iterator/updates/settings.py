@@ -79,6 +79,11 @@ class UpdateSettings(ResolvedUpdate):
         secant = self.secant.model_copy(update={"odd_terms": False})
         return self.model_copy(update={"squares": False, "secant": secant})
 
+    @property
+    def without_rate_limits(self) -> UpdateSettings:
+        """Settings for a secant update that looks for no rate limits of the actuators."""
+        return self.model_copy(update={"secant": self.secant.model_copy(update={"rate_limits": False})})
+
 
 @dataclass(frozen=True)
 class NextDrive:

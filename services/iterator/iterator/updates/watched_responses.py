@@ -73,7 +73,13 @@ def whole_model(model: RigModel, *, identified: RigModel, controlled: NDArray[np
         term_frf = np.zeros((*identified.frf.shape[:2], model.term_frf.shape[2]), dtype=np.complex128)
         term_frf[:, controlled] = model.term_frf
     return replace(
-        identified, frf=frf, inverse_frf=inverse, identified_frf=anchor, terms=model.terms, term_frf=term_frf
+        identified,
+        frf=frf,
+        inverse_frf=inverse,
+        identified_frf=anchor,
+        terms=model.terms,
+        term_frf=term_frf,
+        rate_limits=model.rate_limits,
     )
 
 

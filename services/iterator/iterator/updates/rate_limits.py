@@ -1,0 +1,349 @@
+"""Rate limits of the actuators: learned from what the responses lack, and held by the next step where errors are large.
+
+A drive that asks for more than an actuator gives has no effect there, and an update that only knows an FRF asks for
+ever more. A step within the limit begins the motion earlier instead, as far as the other channels allow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import ceil
+from typing import Final, cast
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from duralab_spectra import rms
+from iterator.band import ControlBand
+from iterator.model import InterpolatedMatrix, IterationHistory, Playback, RateLimit, RigModel, gram_and_ridge
+from iterator.updates.basic_twr import StepStart
+
+RateLimits = tuple[RateLimit | None, ...]
+"""Limit of each drive, as far as it is known."""
+
+# Error, as a share of the target's RMS, above which a stretch may be limited, and the time over which it is averaged,
+# s. After two playbacks most of an error still falls by itself.
+_LARGE_ERROR: Final = 0.2
+_LARGE_AFTER_TWO: Final = 0.5
+_ERROR_SECONDS: Final = 0.25
+# Share of the time with such errors above which they are not those of a limit: it is reached in short stretches.
+_MOST_OF_TIME: Final = 0.25
+# Number of last steps in which limits are looked for.
+_STEPS: Final = 3
+# Corner frequency of an actuator over the end of the band: the limit that is found hardly depends on it.
+_CORNER: Final = 0.9
+# Rates that are tried: from the first, of the fastest playback, down by the ratio to the last, of the slowest one, and
+# never below the least, of the fastest.
+_FIRST_RATE, _LAST_RATE, _LEAST_RATE, _RATIO = 0.95, 0.3, 0.1, 1.12
+# A limit is found if its prediction correlates with what the responses lack, and if it is about as large.
+_CORRELATION: Final = 0.25
+_SMALLEST_SHARE, _LARGEST_SHARE = 0.6, 2.5
+# Time around the prediction in which they are compared, s, and the share of its largest energy that belongs to it.
+_AROUND_SECONDS: Final = 0.05
+_BELONGS: Final = 1e-3
+# Multiple of a limit that a step may ask for, because corner frequency and limit are not known exactly.
+_ABOVE: Final = 1.3
+# Rounds of alternating directions, and the weight of the limits in them, relative to the response.
+_ROUNDS: Final = 60
+_WEIGHT: Final = 10.0
+# Sample rate, over twice the end of the band, at which actuators are computed.
+_OVERSAMPLING: Final = 4.0
+
+
+@dataclass(frozen=True)
+class WithinLimits:
+    """Drive of the next step, and the limits that are known now."""
+
+    drive: NDArray[np.float64]
+    limits: RateLimits
+
+
+def within_rate_limits(
+    drive: NDArray[np.float64],
+    history: IterationHistory,
+    model: RigModel,
+    *,
+    start: StepStart,
+    lines: NDArray[np.intp],
+    uncertainty: NDArray[np.complex128],
+    regularisation: float,
+    response_weight: NDArray[np.float64],
+    drive_scale: NDArray[np.float64],
+    band: ControlBand,
+) -> WithinLimits:
+    """Look for rate limits where the error is large, and change a drive so that it holds them there.
+
+    `drive`, shape (n_u, samples): From the update. `model`: As fitted, with the limits known before. `start`: Of the
+    step. `lines`: Fitted lines of the model. `uncertainty`, shape (lines, n_u, n_u): Of weighted responses to scaled
+    drives.
+    Returns: The same drive if no limit is known, if it holds all, or if no error or nearly every error is large.
+    """
+    known = model.rate_limits or (None,) * drive_scale.size
+    error = np.sum((response_weight[:, None] * (history.target - start.response)) ** 2, axis=0)
+    allowed = _LARGE_ERROR if len(history.playbacks) > 2 else _LARGE_AFTER_TWO
+    large = _averaged(error, band.sample_rate) > np.sum((allowed * response_weight * rms(history.target)) ** 2)
+    if not 0.0 < np.mean(large) < _MOST_OF_TIME:
+        return WithinLimits(drive, known)
+    rig = _ScaledRig(
+        model.frf[lines] * response_weight[:, None] * drive_scale,
+        frequency=model.frequency[lines],
+        response_weight=response_weight,
+        drive_scale=drive_scale,
+        samples=drive.shape[1],
+        band=band,
+    )
+    where = rig.at_lower_rate(large)
+    limits = _found(rig, history, known, where=where)
+    if any(limits):
+        drive = _held(
+            rig,
+            drive,
+            stepped_from=start.drive,
+            limits=limits,
+            where=where,
+            uncertainty=uncertainty,
+            regularisation=regularisation,
+        )
+    return WithinLimits(drive, limits)
+
+
+def _averaged(energy: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
+    """Return the mean around each sample; there is no energy before the first and after the last."""
+    half = max(1, round(0.5 * _ERROR_SECONDS * sample_rate))
+    total = np.concatenate(([0.0], np.cumsum(energy)))
+    at = np.arange(energy.size)
+    first, end = np.maximum(at - half, 0), np.minimum(at + half + 1, energy.size)
+    return np.asarray((total[end] - total[first]) / (2 * half + 1), dtype=np.float64)
+
+
+class _ScaledRig:
+    """Fitted rig at the lines of the band, drives over their scale and responses times their weight.
+
+    `frf`, shape (known lines, n_y, n_u), and `frequency`, Hz: At the lines of the fit.
+    """
+
+    def __init__(
+        self,
+        frf: NDArray[np.complex128],
+        *,
+        frequency: NDArray[np.float64],
+        response_weight: NDArray[np.float64],
+        drive_scale: NDArray[np.float64],
+        samples: int,
+        band: ControlBand,
+    ) -> None:
+        self.frf, self.known, self.response_weight, self.drive_scale = frf, frequency, response_weight, drive_scale
+        self.transform = band.transform(samples)
+        self.frequency = self.transform.frequency
+        self.at = np.clip(self.frequency, frequency[0], frequency[-1])
+        self.mask = band.drive_mask(self.frequency)
+        self.corner = _CORNER * band.highest
+        length = band.transform_samples(samples)
+        first = round(float(self.frequency[0]) * length / band.sample_rate)
+        self._inside = slice(first, first + self.frequency.size)
+        self._short = min(length, 2 * cast(int, fft.next_fast_len(ceil(_OVERSAMPLING * self._inside.stop))))
+        self._share = self._short / length
+        self.sample_rate = band.sample_rate * self._share
+        self.response = self._interpolated(frf)
+        self.adjoint = self._interpolated(frf.conj().transpose(0, 2, 1))
+        power = np.sum(np.abs(frf) ** 2, axis=1)[:, :, None].astype(np.complex128)
+        self.power = self._interpolated(power).times(np.ones((1, self.frequency.size), dtype=np.complex128)).real
+        """Squared gain of each drive to all responses at each line."""
+
+    def _interpolated(self, matrix: NDArray[np.complex128]) -> InterpolatedMatrix:
+        return InterpolatedMatrix(self.known, np.ascontiguousarray(matrix), at=self.at)
+
+    def solution(self, matrix: NDArray[np.complex128]) -> InterpolatedMatrix:
+        """Return the inverse of a matrix at the known lines."""
+        return self._interpolated(np.asarray(np.linalg.inv(matrix), dtype=np.complex128))
+
+    def lines(self, record: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return the lines of a record."""
+        lines = np.empty((record.shape[0], self.frequency.size), dtype=np.complex128)
+        everywhere = np.ones(self.frequency.size)
+        for row, out in zip(record, lines, strict=True):
+            self.transform.lines(row, weight=everywhere, out=out)
+        return lines
+
+    def in_time(self, lines: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Return lines as samples at the lower rate, with those after the record."""
+        whole = np.zeros((lines.shape[0], self._short // 2 + 1), dtype=np.complex128)
+        whole[:, self._inside] = self._share * lines
+        return cast(NDArray[np.float64], fft.irfft(whole, self._short, axis=1))
+
+    def in_lines(self, samples: NDArray[np.float64]) -> NDArray[np.complex128]:
+        """Return samples at the lower rate as lines."""
+        whole = cast(NDArray[np.complex128], fft.rfft(samples, self._short, axis=1))
+        return whole[:, self._inside] / self._share
+
+    def at_lower_rate(self, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return a mask of samples at the lower rate; False after the record."""
+        result = np.zeros(self._short, dtype=np.bool_)
+        result[(np.flatnonzero(where) * self._share).astype(np.intp)] = True
+        return result
+
+
+@dataclass(frozen=True)
+class _Tried:
+    """A limit of one drive, in scaled units, and the lines by which the drive of each step is less with it."""
+
+    limit: RateLimit
+    missing: tuple[NDArray[np.complex128] | None, ...]
+
+
+def _found(rig: _ScaledRig, history: IterationHistory, known: RateLimits, *, where: NDArray[np.bool_]) -> RateLimits:
+    """Return the limits that explain what the last steps lack; where none is found, the one known before.
+
+    The drive whose limit explains most is first, and what it explains is no longer lacking for the others.
+    """
+    playbacks = history.playbacks[-_STEPS - 1 :]
+    steps = _LastSteps(rig, playbacks, from_rest=len(playbacks) == len(history.playbacks), where=where)
+    limits = list(known)
+    best = {drive: steps.best(drive) for drive in range(rig.drive_scale.size)}
+    while best:
+        drive = max(best, key=lambda each: best[each][0])
+        gain, tried = best.pop(drive)
+        if gain <= 0.0 or tried is None:
+            break
+        if steps.explained(drive, tried):
+            limits[drive] = RateLimit(tried.limit.corner, tried.limit.rate * float(rig.drive_scale[drive]))
+            best = {each: steps.best(each) for each in best}
+    return tuple(limits)
+
+
+class _LastSteps:
+    """What the fitted rig leaves unexplained of the last steps, and what limits would explain of it."""
+
+    def __init__(
+        self, rig: _ScaledRig, playbacks: Sequence[Playback], *, from_rest: bool, where: NDArray[np.bool_]
+    ) -> None:
+        self._rig = rig
+        drives = [rig.lines(each.drive / rig.drive_scale[:, None]) for each in playbacks]
+        responses = [rig.lines(each.response * rig.response_weight[:, None]) for each in playbacks]
+        if from_rest:
+            drives.insert(0, np.zeros_like(drives[0]))
+            responses.insert(0, np.zeros_like(responses[0]))
+        self._lacking = [
+            (response - response_before) - rig.response.times(drive - drive_before)
+            for drive, drive_before, response, response_before in zip(
+                drives[1:], drives, responses[1:], responses, strict=False
+            )
+        ]
+        self._by_drive = [rig.adjoint.times(each) for each in self._lacking]
+        self._tried = [
+            list(_limits_to_try(rig, [each[drive] for each in drives], where)) for drive in range(rig.drive_scale.size)
+        ]
+
+    def best(self, drive: int) -> tuple[float, _Tried | None]:
+        """Return the limit of a drive that explains most of the lacking energy, and how much; at least 0."""
+        most, best = 0.0, None
+        for tried in self._tried[drive]:
+            explained = 0.0
+            for lines, lacking in zip(tried.missing, self._by_drive, strict=True):
+                if lines is not None:
+                    explained += 2.0 * float(np.vdot(lines, lacking[drive]).real)
+                    explained -= float(np.sum(np.abs(lines) ** 2 * self._rig.power[drive]))
+            if explained > most:
+                most, best = explained, tried
+        return most, best
+
+    def explained(self, drive: int, tried: _Tried) -> bool:
+        """Return whether a limit predicts what is lacking around it; if so, that is no longer lacking."""
+        rig = self._rig
+        width = 2 * round(0.5 * _AROUND_SECONDS * rig.sample_rate) + 1
+        predicted: dict[int, NDArray[np.complex128]] = {}
+        common = own = lacking = 0.0
+        for number, lines in enumerate(tried.missing):
+            if lines is None:
+                continue
+            of_drives = np.zeros((rig.drive_scale.size, lines.size), dtype=np.complex128)
+            of_drives[drive] = lines
+            predicted[number] = rig.response.times(of_drives)
+            in_time, lacks = rig.in_time(predicted[number]), rig.in_time(self._lacking[number])
+            around = np.convolve(np.sum(in_time**2, axis=0), np.ones(width), "same")
+            common += float(np.sum(in_time * lacks))
+            own += float(np.sum(in_time**2))
+            lacking += float(np.sum(lacks[:, around > _BELONGS * around.max()] ** 2))
+        if common <= _CORRELATION * np.sqrt(own * lacking) or not _SMALLEST_SHARE < common / own < _LARGEST_SHARE:
+            return False
+        for number, each in predicted.items():
+            self._lacking[number] = self._lacking[number] - each
+            self._by_drive[number] = rig.adjoint.times(self._lacking[number])
+        return True
+
+
+def _limits_to_try(rig: _ScaledRig, drive: Sequence[NDArray[np.complex128]], where: NDArray[np.bool_]) -> list[_Tried]:
+    """Return limits of one drive, given as lines of each playback, from the largest."""
+    # The rates of all playbacks where limits are looked for.
+    asked = RateLimit(rig.corner, 1.0).motion(rig.frequency)
+    rates = np.abs(rig.in_time(asked * np.stack(drive))[:, where]).max(axis=1)
+    largest, smallest = float(rates.max()), float(rates[rates > 0.0].min(initial=np.inf))
+    in_time = rig.in_time(np.stack(drive))
+    tried: list[_Tried] = []
+    rate = _FIRST_RATE * largest
+    while rate > max(_LAST_RATE * smallest, _LEAST_RATE * largest):
+        limit = RateLimit(rig.corner, rate)
+        held_back = [limit.held_back(each, sample_rate=rig.sample_rate, where=where) for each in in_time]
+        steps = [after - before for after, before in zip(held_back[1:], held_back, strict=False)]
+        missing = tuple(rig.in_lines(step[None])[0] * rig.mask if step.any() else None for step in steps)
+        tried.append(_Tried(limit, missing))
+        rate /= _RATIO
+    return tried
+
+
+def _held(
+    rig: _ScaledRig,
+    drive: NDArray[np.float64],
+    *,
+    stepped_from: NDArray[np.float64],
+    limits: RateLimits,
+    where: NDArray[np.bool_],
+    uncertainty: NDArray[np.complex128],
+    regularisation: float,
+) -> NDArray[np.float64]:
+    """Return the drive with nearly the same predicted response that asks no actuator for more than its limit.
+
+    Only drives with a limit are changed. Where the drive that is stepped from asks for more, as much is allowed: it has
+    been played. Least squares of the change of the predicted response and of its uncertainty, by the alternating
+    direction method of multipliers: a limit bounds a filtered drive, so that each round is solved line by line.
+
+    Source: S. Boyd et al., *Distributed optimization and statistical learning via the alternating direction method of
+    multipliers* (2011).
+    """
+    limited = np.flatnonzero([limit is not None for limit in limits])
+    scale = rig.drive_scale[limited, None] / _ABOVE
+    speeds, known_speeds = (
+        scale * np.stack([limit.motion(frequency) for limit in limits if limit is not None])
+        for frequency in (rig.frequency, rig.known)
+    )
+    asked, before = (
+        rig.in_time(speeds * rig.lines(record[limited] / rig.drive_scale[limited, None]))
+        for record in (drive, stepped_from)
+    )
+    most = np.where(where, np.maximum(before, 1.0), np.inf)
+    least = np.where(where, np.minimum(before, -1.0), -np.inf)
+    if np.all((asked <= most) & (asked >= least)):
+        return drive
+    gram, ridge = gram_and_ridge(rig.frf, regularisation=regularisation)
+    n_u = rig.drive_scale.size
+    cost = (gram + uncertainty[:, :n_u, :n_u] + ridge)[:, limited[:, None], limited]
+    squared = np.abs(known_speeds.T) ** 2
+    weight = _WEIGHT * float(np.mean(np.einsum("fii->fi", gram).real)) / float(np.mean(squared, axis=0).max())
+    own = np.arange(limited.size)
+    cost[:, own, own] += weight * squared
+    solution = rig.solution(cost)
+    allowed, price = np.clip(asked, least, most), np.zeros_like(asked)
+    change = np.zeros((limited.size, rig.frequency.size), dtype=np.complex128)
+    for _ in range(_ROUNDS):
+        change = -solution.times(weight * speeds.conj() * rig.in_lines(asked - allowed + price)) * rig.mask
+        reached = asked + rig.in_time(speeds * change)
+        allowed = np.clip(reached + price, least, most)
+        price += reached - allowed
+    held = drive.copy()
+    moved = np.empty(drive.shape[1])
+    for number, lines in zip(limited, change, strict=True):
+        rig.transform.samples(lines, out=moved)
+        held[number] += rig.drive_scale[number] * moved
+    return held
