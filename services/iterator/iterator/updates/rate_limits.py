@@ -143,8 +143,8 @@ class _ScaledRig:
         length = band.transform_samples(samples)
         first = round(float(self.frequency[0]) * length / band.sample_rate)
         self._inside = slice(first, first + self.frequency.size)
-        self._short = min(length, 2 * cast(int, fft.next_fast_len(ceil(_OVERSAMPLING * self._inside.stop))))
-        self._share = self._short / length
+        self.short = min(length, 2 * cast(int, fft.next_fast_len(ceil(_OVERSAMPLING * self._inside.stop))))
+        self._share = self.short / length
         self.sample_rate = band.sample_rate * self._share
         self.response = self._interpolated(frf)
         self.adjoint = self._interpolated(frf.conj().transpose(0, 2, 1))
@@ -169,28 +169,48 @@ class _ScaledRig:
 
     def in_time(self, lines: NDArray[np.complex128]) -> NDArray[np.float64]:
         """Return lines as samples at the lower rate, with those after the record."""
-        whole = np.zeros((lines.shape[0], self._short // 2 + 1), dtype=np.complex128)
+        whole = np.zeros((lines.shape[0], self.short // 2 + 1), dtype=np.complex128)
         whole[:, self._inside] = self._share * lines
-        return cast(NDArray[np.float64], fft.irfft(whole, self._short, axis=1))
+        return cast(NDArray[np.float64], fft.irfft(whole, self.short, axis=1))
 
     def in_lines(self, samples: NDArray[np.float64]) -> NDArray[np.complex128]:
         """Return samples at the lower rate as lines."""
-        whole = cast(NDArray[np.complex128], fft.rfft(samples, self._short, axis=1))
+        whole = cast(NDArray[np.complex128], fft.rfft(samples, self.short, axis=1))
         return whole[:, self._inside] / self._share
 
     def at_lower_rate(self, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
         """Return a mask of samples at the lower rate; False after the record."""
-        result = np.zeros(self._short, dtype=np.bool_)
+        result = np.zeros(self.short, dtype=np.bool_)
         result[(np.flatnonzero(where) * self._share).astype(np.intp)] = True
         return result
 
 
 @dataclass(frozen=True)
+class _Missing:
+    """Samples at the lower rate in which a step is less with a limit, and by how much; few of a long record."""
+
+    at: NDArray[np.intp]
+    values: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, step: NDArray[np.float64]) -> _Missing:
+        """Keep the samples of a step that are not 0."""
+        at = np.flatnonzero(step)
+        return cls(at, step[at])
+
+    def lines(self, rig: _ScaledRig) -> NDArray[np.complex128]:
+        """Return them as lines."""
+        samples = np.zeros((1, rig.short))
+        samples[0, self.at] = self.values
+        return np.asarray(rig.in_lines(samples)[0] * rig.mask, dtype=np.complex128)
+
+
+@dataclass(frozen=True)
 class _Tried:
-    """A limit of one drive, in scaled units, and the lines by which the drive of each step is less with it."""
+    """A limit of one drive, in scaled units, and by how much the drive of each step is less with it."""
 
     limit: RateLimit
-    missing: tuple[NDArray[np.complex128] | None, ...]
+    missing: tuple[_Missing, ...]
 
 
 def _found(rig: _ScaledRig, history: IterationHistory, known: RateLimits, *, where: NDArray[np.bool_]) -> RateLimits:
@@ -241,8 +261,9 @@ class _LastSteps:
         most, best = 0.0, None
         for tried in self._tried[drive]:
             explained = 0.0
-            for lines, lacking in zip(tried.missing, self._by_drive, strict=True):
-                if lines is not None:
+            for missing, lacking in zip(tried.missing, self._by_drive, strict=True):
+                if missing.at.size:
+                    lines = missing.lines(self._rig)
                     explained += 2.0 * float(np.vdot(lines, lacking[drive]).real)
                     explained -= float(np.sum(np.abs(lines) ** 2 * self._rig.power[drive]))
             if explained > most:
@@ -255,11 +276,11 @@ class _LastSteps:
         width = 2 * round(0.5 * _AROUND_SECONDS * rig.sample_rate) + 1
         predicted: dict[int, NDArray[np.complex128]] = {}
         common = own = lacking = 0.0
-        for number, lines in enumerate(tried.missing):
-            if lines is None:
+        for number, missing in enumerate(tried.missing):
+            if not missing.at.size:
                 continue
-            of_drives = np.zeros((rig.drive_scale.size, lines.size), dtype=np.complex128)
-            of_drives[drive] = lines
+            of_drives = np.zeros((rig.drive_scale.size, rig.frequency.size), dtype=np.complex128)
+            of_drives[drive] = missing.lines(rig)
             predicted[number] = rig.response.times(of_drives)
             in_time, lacks = rig.in_time(predicted[number]), rig.in_time(self._lacking[number])
             around = np.convolve(np.sum(in_time**2, axis=0), np.ones(width), "same")
@@ -286,9 +307,8 @@ def _limits_to_try(rig: _ScaledRig, drive: Sequence[NDArray[np.complex128]], whe
     while rate > max(_LAST_RATE * smallest, _LEAST_RATE * largest):
         limit = RateLimit(rig.corner, rate)
         held_back = [limit.held_back(each, sample_rate=rig.sample_rate, where=where) for each in in_time]
-        steps = [after - before for after, before in zip(held_back[1:], held_back, strict=False)]
-        missing = tuple(rig.in_lines(step[None])[0] * rig.mask if step.any() else None for step in steps)
-        tried.append(_Tried(limit, missing))
+        steps = zip(held_back[1:], held_back, strict=False)
+        tried.append(_Tried(limit, tuple(_Missing.of(after - before) for after, before in steps)))
         rate /= _RATIO
     return tried
 
