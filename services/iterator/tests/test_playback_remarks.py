@@ -36,6 +36,7 @@ def remarks(drive, *, peak, slew=0.0, rate_limits=()):
         metrics=related(),
         passed_bound=None,
         model=SimpleNamespace(rate_limits=rate_limits),
+        level=0.5,
     )
     return projection, remarks_of(iteration, plan=SimpleNamespace(description=description))
 
@@ -74,8 +75,8 @@ def test_what_had_to_be_clipped_is_told(tones):
 
 def test_the_rate_limit_of_an_actuator_is_told(tones):
     assert remarks(tones, peak=2.0, rate_limits=(None, RateLimit(27.0, 1.2345)))[1] == [
-        "Playback 2: right moved no faster than about 1.23 m/s in the playbacks before, so its drive was made for that "
-        "rate where the error was large; look whether its valve is at its stop there."
+        "Playback 2: right moved no faster than about 0.617 m/s in the playbacks before; look whether its valve is at "
+        "its stop where the error is large."
     ]
     assert remarks(tones, peak=2.0, rate_limits=(None, None))[1] == []
 

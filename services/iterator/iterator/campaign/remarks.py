@@ -101,8 +101,8 @@ def _not_reproduced(iteration: Iteration, plan: CampaignPlan) -> list[str]:
 def _rate_limits(iteration: Iteration, plan: CampaignPlan) -> list[str]:
     """Return a remark on each actuator that had a rate limit in the playbacks before."""
     return [
-        f"{channel.name} moved no faster than about {limit.rate:.3g} {channel.unit}/s in the playbacks before, so its "
-        "drive was made for that rate where the error was large; look whether its valve is at its stop there."
+        f"{channel.name} moved no faster than about {iteration.level * limit.rate:.3g} {channel.unit}/s in the "
+        "playbacks before; look whether its valve is at its stop where the error is large."
         for channel, limit in zip(plan.description.drives, iteration.model.rate_limits, strict=False)
         if limit is not None
     ]

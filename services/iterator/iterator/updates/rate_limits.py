@@ -1,7 +1,7 @@
 """Rate limits of the actuators: learned from what the responses lack, and held by the next step where errors are large.
 
-A drive that asks for more than an actuator gives has no effect there, and an update that only knows an FRF asks for
-ever more. A step within the limit begins the motion earlier instead, as far as the other channels allow.
+A drive that asks for more than an actuator gives has no effect there, and an update with an FRF alone asks for more
+with each playback. A step within the limit begins the motion earlier instead.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ RateLimits = tuple[RateLimit | None, ...]
 """Limit of each drive, as far as it is known."""
 
 # Error, as a share of the target's RMS, above which a stretch may be limited, and the time over which it is averaged,
-# s. After two playbacks most of an error still falls by itself.
+# s. After two playbacks most of an error still falls without a limit.
 _LARGE_ERROR: Final = 0.2
 _LARGE_AFTER_TWO: Final = 0.5
 _ERROR_SECONDS: Final = 0.25
@@ -253,7 +253,7 @@ class _LastSteps:
         ]
         self._by_drive = [rig.adjoint.times(each) for each in self._lacking]
         self._tried = [
-            list(_limits_to_try(rig, [each[drive] for each in drives], where)) for drive in range(rig.drive_scale.size)
+            _limits_to_try(rig, [each[drive] for each in drives], where) for drive in range(rig.drive_scale.size)
         ]
 
     def best(self, drive: int) -> tuple[float, _Tried | None]:

@@ -83,6 +83,9 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
             band=settings.band,
         )
         drive, bent = bounded.drive, replace(bent, rate_limits=bounded.limits)
+    elif bent.rate_limits:
+        # Of another level: a limit of drives that are divided by their level is another one there.
+        bent = replace(bent, rate_limits=())
     return NextDrive(drive=drive, model=bent, stepped_from=start.drive)
 
 
