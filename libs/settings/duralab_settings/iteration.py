@@ -94,8 +94,8 @@ class SecantSettings(Section):
     )
     rate_limits: bool = Field(
         default=True,
-        description="Learn at which speed an actuator stops following its drive, and ask for hardly more in stretches "
-        "with a large error.",
+        description="Learn at which speed an actuator stops following its drive, and begin its motion earlier in "
+        "stretches with a large error.",
     )
     each_line: bool = Field(
         default=False,

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from duralab_spectra import rms
 from iterator.assessment.metrics import IterationMetrics, judge_response
 from iterator.band import ControlBand
-from iterator.model import IterationHistory, RigModel, predict
+from iterator.model import IterationHistory, RigModel, equivalent_drive, predict
 
 
 @dataclass(frozen=True)
@@ -68,7 +68,10 @@ def forecast_playback(
         uncertainty = _unexplained(model) / level / target
         change = predicted
     else:
-        change = predict(model, drive - last.drive, band=band)
+        moved, moved_before = (
+            equivalent_drive(each, model.rate_limits, sample_rate=band.sample_rate) for each in (drive, last.drive)
+        )
+        change = predict(model, moved - moved_before, band=band)
         predicted = last.response + change
         uncertainty = np.full(target.size, np.nan)
     step = rms(change) / target

@@ -5,7 +5,7 @@ from iterator.model.drive_terms import ODD_TERMS, DriveTerm
 from iterator.model.history import IterationHistory, Playback
 from iterator.model.interpolated_product import InterpolatedMatrix
 from iterator.model.inversion import cautious_inverse, checked_response_weight, gram_and_ridge
-from iterator.model.rate_limit import RateLimit
+from iterator.model.rate_limit import RateLimit, equivalent_drive
 from iterator.model.rig import FEWEST_LINES, ModelUncertainty, RigModel, driven_lines, rig_model
 from iterator.model.step_spectra import ForeseenStep, SeenStep, StepBlocks, StepSpectra, averaged_steps, seen_steps
 
@@ -29,6 +29,7 @@ __all__ = [
     "checked_response_weight",
     "drive_without",
     "driven_lines",
+    "equivalent_drive",
     "gram_and_ridge",
     "predict",
     "rig_model",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final, cast
 
@@ -57,3 +58,26 @@ class RateLimit:
                 elif abs(motion - free.item(end)) < _FORGOTTEN * largest:
                     break
         return missing
+
+
+def equivalent_drive(
+    drive: NDArray[np.float64],
+    limits: Sequence[RateLimit | None],
+    *,
+    sample_rate: float,
+    where: NDArray[np.bool_] | None = None,
+) -> NDArray[np.float64]:
+    """Return the drive that moves the actuators as `drive` does, if they had no limits.
+
+    `drive`, shape (n_u, samples): From rest. `limits`: Of each drive; None if it has none. `sample_rate`: Hz. `where`,
+    shape (samples,): Where a limit may be reached first; anywhere if not given.
+    Returns: The same drive if no limit is reached. Its content is not limited to the band of `drive`.
+    """
+    if not any(limits):
+        return drive
+    reached = np.ones(drive.shape[1], dtype=np.bool_) if where is None else where
+    result = drive.copy()
+    for row, limit in enumerate(limits):
+        if limit is not None:
+            result[row] += limit.held_back(drive[row], sample_rate=sample_rate, where=reached)
+    return result

@@ -17,7 +17,15 @@ from scipy import fft
 
 from duralab_spectra import rms
 from iterator.band import ControlBand
-from iterator.model import InterpolatedMatrix, IterationHistory, Playback, RateLimit, RigModel, gram_and_ridge
+from iterator.model import (
+    InterpolatedMatrix,
+    IterationHistory,
+    Playback,
+    RateLimit,
+    RigModel,
+    equivalent_drive,
+    gram_and_ridge,
+)
 from iterator.updates.basic_twr import StepStart
 
 RateLimits = tuple[RateLimit | None, ...]
@@ -43,8 +51,10 @@ _SMALLEST_SHARE, _LARGEST_SHARE = 0.6, 2.5
 # Time around the prediction in which they are compared, s, and the share of its largest energy that belongs to it.
 _AROUND_SECONDS: Final = 0.05
 _BELONGS: Final = 1e-3
-# Multiple of a limit that a step may ask for, because corner frequency and limit are not known exactly.
-_ABOVE: Final = 1.3
+# Share of the largest speed of a drive where the error is not large, below which it has no limit: it is followed there.
+_FOLLOWED: Final = 0.9
+# Number of corrections to a drive in the band, so that an actuator with a limit moves as is wanted.
+_CORRECTIONS: Final = 5
 # Rounds of alternating directions, and the weight of the limits in them, relative to the response.
 _ROUNDS: Final = 60
 _WEIGHT: Final = 10.0
@@ -53,60 +63,99 @@ _OVERSAMPLING: Final = 4.0
 
 
 @dataclass(frozen=True)
-class WithinLimits:
-    """Drive of the next step, and the limits that are known now."""
+class FittedRig:
+    """Rig as the secant update fitted it, and the target that it is to reach.
 
-    drive: NDArray[np.float64]
-    limits: RateLimits
-
-
-def within_rate_limits(
-    drive: NDArray[np.float64],
-    history: IterationHistory,
-    model: RigModel,
-    *,
-    start: StepStart,
-    lines: NDArray[np.intp],
-    uncertainty: NDArray[np.complex128],
-    regularisation: float,
-    response_weight: NDArray[np.float64],
-    drive_scale: NDArray[np.float64],
-    band: ControlBand,
-) -> WithinLimits:
-    """Look for rate limits where the error is large, and change a drive so that it holds them there.
-
-    `drive`, shape (n_u, samples): From the update. `model`: As fitted, with the limits known before. `start`: Of the
-    step. `lines`: Fitted lines of the model. `uncertainty`, shape (lines, n_u, n_u): Of weighted responses to scaled
-    drives.
-    Returns: The same drive if no limit is known, if it holds all, or if no error or nearly every error is large.
+    `model`: With the limits known before. `lines`: Fitted lines of the model. `uncertainty`, shape (lines, n_u, n_u):
+    Of weighted responses to scaled drives. `regularisation`: Of the inverse.
     """
-    known = model.rate_limits or (None,) * drive_scale.size
-    error = np.sum((response_weight[:, None] * (history.target - start.response)) ** 2, axis=0)
-    allowed = _LARGE_ERROR if len(history.playbacks) > 2 else _LARGE_AFTER_TWO
-    large = _averaged(error, band.sample_rate) > np.sum((allowed * response_weight * rms(history.target)) ** 2)
-    if not 0.0 < np.mean(large) < _MOST_OF_TIME:
-        return WithinLimits(drive, known)
-    rig = _ScaledRig(
-        model.frf[lines] * response_weight[:, None] * drive_scale,
-        frequency=model.frequency[lines],
-        response_weight=response_weight,
-        drive_scale=drive_scale,
-        samples=drive.shape[1],
-        band=band,
-    )
-    where = rig.at_lower_rate(large)
-    limits = _found(rig, history, known, where=where)
-    if any(limits):
-        drive = _held(
-            rig,
-            drive,
-            stepped_from=start.drive,
-            limits=limits,
-            where=where,
-            uncertainty=uncertainty,
-            regularisation=regularisation,
+
+    model: RigModel
+    lines: NDArray[np.intp]
+    uncertainty: NDArray[np.complex128]
+    regularisation: float
+    response_weight: NDArray[np.float64]
+    drive_scale: NDArray[np.float64]
+    band: ControlBand
+
+    @property
+    def known(self) -> RateLimits:
+        """Limits known before; None where none is."""
+        return self.model.rate_limits or (None,) * self.drive_scale.size
+
+    def scaled(self, samples: int) -> _ScaledRig:
+        """Return the rig at the lines of a record."""
+        return _ScaledRig(
+            self.model.frf[self.lines] * self.response_weight[:, None] * self.drive_scale,
+            frequency=self.model.frequency[self.lines],
+            response_weight=self.response_weight,
+            drive_scale=self.drive_scale,
+            samples=samples,
+            band=self.band,
         )
-    return WithinLimits(drive, limits)
+
+
+def large_errors(history: IterationHistory, fitted: FittedRig, *, start: StepStart) -> NDArray[np.bool_]:
+    """Return where the error at the start of a step is large, shape (samples,); nowhere if nearly every one is."""
+    weight, band = fitted.response_weight, fitted.band
+    error = np.sum((weight[:, None] * (history.target - start.response)) ** 2, axis=0)
+    allowed = _LARGE_ERROR if len(history.playbacks) > 2 else _LARGE_AFTER_TWO
+    large = _averaged(error, band.sample_rate) > np.sum((allowed * weight * rms(history.target)) ** 2)
+    return large if np.mean(large) < _MOST_OF_TIME else np.zeros_like(large)
+
+
+def find_rate_limits(
+    history: IterationHistory, fitted: FittedRig, *, start: StepStart, large: NDArray[np.bool_]
+) -> RateLimits:
+    """Look for the rate limits that explain what the last steps lack where the error is large.
+
+    `history`: With the drives that were played. `start`: Of the step. `large`, shape (samples,): Where the error is
+    large.
+    Returns: Limit of each drive; where none is found, the one known before, if no drive that is followed exceeds it.
+    """
+    if not large.any():
+        return fitted.known
+    rig = fitted.scaled(history.target.shape[1])
+    speed = RateLimit(rig.corner, 1.0).motion(rig.frequency)
+    speeds = np.abs(rig.in_time(speed * rig.lines(start.drive / rig.drive_scale[:, None])))
+    followed = _FOLLOWED * speeds[:, rig.at_lower_rate(~large)].max(axis=1)
+    known = [
+        None if limit is None or limit.rate < least else limit
+        for limit, least in zip(fitted.known, followed * rig.drive_scale, strict=True)
+    ]
+    return _found(rig, history, known, where=rig.at_lower_rate(large), followed=followed)
+
+
+def drive_within_rate_limits(
+    drive: NDArray[np.float64],
+    limits: RateLimits,
+    fitted: FittedRig,
+    *,
+    moved_from: NDArray[np.float64],
+    played: StepStart,
+    large: NDArray[np.bool_],
+) -> NDArray[np.float64]:
+    """Return a drive with which actuators that have limits move nearly as with `drive` without limits.
+
+    First `drive` is changed so that it asks no actuator for more than its limit where the error is large; then the
+    drive in the band is sought that moves them so. `fitted`: To drives that move actuators without limits as those
+    played did with limits; `moved_from` is the one at the start of the step, and `drive` at its end. `played`: Start of
+    the step, with the drive that was played. `large`, shape (samples,): Where the error is large.
+    """
+    band = fitted.band
+    wanted = equivalent_drive(
+        _held(drive, limits, fitted, moved_from=moved_from, large=large),
+        limits,
+        sample_rate=band.sample_rate,
+        where=large,
+    )
+    # Where the last step was worse, the next one keeps more of what was played.
+    gain = 1.0 if played.step_gain is None else played.step_gain
+    made = played.drive + band.limit_drive(wanted - moved_from)
+    for _ in range(_CORRECTIONS):
+        moved = equivalent_drive(made, limits, sample_rate=band.sample_rate, where=large)
+        made = made + band.limit_drive(gain * (wanted - moved))
+    return made
 
 
 def _averaged(energy: NDArray[np.float64], sample_rate: float) -> NDArray[np.float64]:
@@ -213,13 +262,21 @@ class _Tried:
     missing: tuple[_Missing, ...]
 
 
-def _found(rig: _ScaledRig, history: IterationHistory, known: RateLimits, *, where: NDArray[np.bool_]) -> RateLimits:
+def _found(
+    rig: _ScaledRig,
+    history: IterationHistory,
+    known: Sequence[RateLimit | None],
+    *,
+    where: NDArray[np.bool_],
+    followed: NDArray[np.float64],
+) -> RateLimits:
     """Return the limits that explain what the last steps lack; where none is found, the one known before.
 
     The drive whose limit explains most is first, and what it explains is no longer lacking for the others.
     """
     playbacks = history.playbacks[-_STEPS - 1 :]
-    steps = _LastSteps(rig, playbacks, from_rest=len(playbacks) == len(history.playbacks), where=where)
+    from_rest = len(playbacks) == len(history.playbacks)
+    steps = _LastSteps(rig, playbacks, from_rest=from_rest, where=where, followed=followed)
     limits = list(known)
     best = {drive: steps.best(drive) for drive in range(rig.drive_scale.size)}
     while best:
@@ -237,7 +294,13 @@ class _LastSteps:
     """What the fitted rig leaves unexplained of the last steps, and what limits would explain of it."""
 
     def __init__(
-        self, rig: _ScaledRig, playbacks: Sequence[Playback], *, from_rest: bool, where: NDArray[np.bool_]
+        self,
+        rig: _ScaledRig,
+        playbacks: Sequence[Playback],
+        *,
+        from_rest: bool,
+        where: NDArray[np.bool_],
+        followed: NDArray[np.float64],
     ) -> None:
         self._rig = rig
         drives = [rig.lines(each.drive / rig.drive_scale[:, None]) for each in playbacks]
@@ -253,7 +316,8 @@ class _LastSteps:
         ]
         self._by_drive = [rig.adjoint.times(each) for each in self._lacking]
         self._tried = [
-            _limits_to_try(rig, [each[drive] for each in drives], where) for drive in range(rig.drive_scale.size)
+            _limits_to_try(rig, [each[drive] for each in drives], where, least=float(least))
+            for drive, least in enumerate(followed)
         ]
 
     def best(self, drive: int) -> tuple[float, _Tried | None]:
@@ -295,7 +359,9 @@ class _LastSteps:
         return True
 
 
-def _limits_to_try(rig: _ScaledRig, drive: Sequence[NDArray[np.complex128]], where: NDArray[np.bool_]) -> list[_Tried]:
+def _limits_to_try(
+    rig: _ScaledRig, drive: Sequence[NDArray[np.complex128]], where: NDArray[np.bool_], *, least: float
+) -> list[_Tried]:
     """Return limits of one drive, given as lines of each playback, from the largest."""
     # The rates of all playbacks where limits are looked for.
     asked = RateLimit(rig.corner, 1.0).motion(rig.frequency)
@@ -304,7 +370,7 @@ def _limits_to_try(rig: _ScaledRig, drive: Sequence[NDArray[np.complex128]], whe
     in_time = rig.in_time(np.stack(drive))
     tried: list[_Tried] = []
     rate = _FIRST_RATE * largest
-    while rate > max(_LAST_RATE * smallest, _LEAST_RATE * largest):
+    while rate > max(_LAST_RATE * smallest, _LEAST_RATE * largest, least):
         limit = RateLimit(rig.corner, rate)
         held_back = [limit.held_back(each, sample_rate=rig.sample_rate, where=where) for each in in_time]
         steps = zip(held_back[1:], held_back, strict=False)
@@ -314,52 +380,51 @@ def _limits_to_try(rig: _ScaledRig, drive: Sequence[NDArray[np.complex128]], whe
 
 
 def _held(
-    rig: _ScaledRig,
     drive: NDArray[np.float64],
-    *,
-    stepped_from: NDArray[np.float64],
     limits: RateLimits,
-    where: NDArray[np.bool_],
-    uncertainty: NDArray[np.complex128],
-    regularisation: float,
+    fitted: FittedRig,
+    *,
+    moved_from: NDArray[np.float64],
+    large: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
     """Return the drive with nearly the same predicted response that asks no actuator for more than its limit.
 
-    Only drives with a limit are changed. Where the drive that is stepped from asks for more, as much is allowed: it has
-    been played. Least squares of the change of the predicted response and of its uncertainty, by the alternating
-    direction method of multipliers: a limit bounds a filtered drive, so that each round is solved line by line.
+    Only drives with a limit are changed. Least squares of the change of the predicted response and of its uncertainty,
+    by the alternating direction method of multipliers: a limit bounds a filtered drive, so that each round is solved
+    line by line.
 
     Source: S. Boyd et al., *Distributed optimization and statistical learning via the alternating direction method of
     multipliers* (2011).
     """
+    rig = fitted.scaled(drive.shape[1])
+    where = rig.at_lower_rate(large)
     limited = np.flatnonzero([limit is not None for limit in limits])
-    scale = rig.drive_scale[limited, None] / _ABOVE
     speeds, known_speeds = (
-        scale * np.stack([limit.motion(frequency) for limit in limits if limit is not None])
+        rig.drive_scale[limited, None] * np.stack([limit.motion(frequency) for limit in limits if limit is not None])
         for frequency in (rig.frequency, rig.known)
     )
     asked, before = (
         rig.in_time(speeds * rig.lines(record[limited] / rig.drive_scale[limited, None]))
-        for record in (drive, stepped_from)
+        for record in (drive, moved_from)
     )
-    most = np.where(where, np.maximum(before, 1.0), np.inf)
-    least = np.where(where, np.minimum(before, -1.0), -np.inf)
-    if np.all((asked <= most) & (asked >= least)):
+    # The motion at the start holds the limits, but not the part of it that is in the band: as much is allowed.
+    most = np.where(where, np.maximum(np.abs(before), 1.0), np.inf)
+    if np.all(np.abs(asked) <= most):
         return drive
-    gram, ridge = gram_and_ridge(rig.frf, regularisation=regularisation)
+    gram, ridge = gram_and_ridge(rig.frf, regularisation=fitted.regularisation)
     n_u = rig.drive_scale.size
-    cost = (gram + uncertainty[:, :n_u, :n_u] + ridge)[:, limited[:, None], limited]
+    cost = (gram + fitted.uncertainty[:, :n_u, :n_u] + ridge)[:, limited[:, None], limited]
     squared = np.abs(known_speeds.T) ** 2
     weight = _WEIGHT * float(np.mean(np.einsum("fii->fi", gram).real)) / float(np.mean(squared, axis=0).max())
     own = np.arange(limited.size)
     cost[:, own, own] += weight * squared
     solution = rig.solution(cost)
-    allowed, price = np.clip(asked, least, most), np.zeros_like(asked)
+    allowed, price = np.clip(asked, -most, most), np.zeros_like(asked)
     change = np.zeros((limited.size, rig.frequency.size), dtype=np.complex128)
     for _ in range(_ROUNDS):
         change = -solution.times(weight * speeds.conj() * rig.in_lines(asked - allowed + price)) * rig.mask
         reached = asked + rig.in_time(speeds * change)
-        allowed = np.clip(reached + price, least, most)
+        allowed = np.clip(reached + price, -most, most)
         price += reached - allowed
     held = drive.copy()
     moved = np.empty(drive.shape[1])

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_spectra import rms
+from iterator.band import ControlBand
 from iterator.model import (
     ODD_TERMS,
     DriveTerm,
@@ -20,6 +21,7 @@ from iterator.model import (
     averaged_steps,
     cautious_inverse,
     driven_lines,
+    equivalent_drive,
     seen_steps,
 )
 from iterator.updates import basic_twr
@@ -27,7 +29,13 @@ from iterator.updates.drive_squares import drive_for_squares
 from iterator.updates.foresight import foreseen_steps, kept_inputs, terms_that_foresee
 from iterator.updates.gains import gain_at
 from iterator.updates.gauss_newton import StepProblem, gauss_newton_step
-from iterator.updates.rate_limits import within_rate_limits
+from iterator.updates.rate_limits import (
+    FittedRig,
+    RateLimits,
+    drive_within_rate_limits,
+    find_rate_limits,
+    large_errors,
+)
 from iterator.updates.secant_fit import MatrixAndSpread, SecantFit, fit_secant
 from iterator.updates.settings import NextDrive, UpdateSettings
 
@@ -47,62 +55,79 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
     """
     if not basic_twr.playbacks_before(history, model):
         return basic_twr.next_drive(history, model, settings)
+    step = _step(history, model, settings)
+    bent, drive, limits = step.rig.model, step.drive, ()
+    # A limit of drives that are divided by their level is another one where the level changes.
+    if settings.secant.rate_limits and len(history.playbacks) > 1:
+        large = large_errors(history, step.rig, start=step.start)
+        limits = find_rate_limits(history, step.rig, start=step.start, large=large)
+        if any(limits) and large.any():
+            moved = _step(_moved_history(history, limits, band=settings.band, where=large), model, settings)
+            drive = drive_within_rate_limits(
+                moved.drive, limits, moved.rig, moved_from=moved.start.drive, played=step.start, large=large
+            )
+            # Spectra of steps are kept for the next update, which begins with those of the drives played.
+            bent = replace(moved.rig.model, seen_steps=bent.seen_steps, foreseen_steps=bent.foreseen_steps)
+    return NextDrive(drive=drive, model=replace(bent, rate_limits=limits), stepped_from=step.start.drive)
+
+
+@dataclass(frozen=True)
+class _Step:
+    """Start of a step, the rig that it was made with, and the drive that it leads to."""
+
+    start: basic_twr.StepStart
+    rig: FittedRig
+    drive: NDArray[np.float64]
+
+
+def _step(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> _Step:
+    """Fit the rig to the steps played, and make the next one."""
     learned = _learned(history, model, settings)
-    bent = learned.model
+    rig, bent = learned.rig, learned.rig.model
     start = basic_twr.step_start(history, bent, settings)
     if not set(bent.terms) & set(ODD_TERMS):
         drive = start.drive_toward(history.target, band=settings.band)
         if bent.term_frf is not None and np.any(bent.term_frf):
             drive = drive_for_squares(drive, start, square_frf=bent.term_frf, band=settings.band)
-    else:
-        problem = StepProblem(
-            bent,
-            lines=learned.lines,
-            frf=learned.fit.frf,
-            uncertainty=settings.secant.caution * learned.fit.uncertainty,
-            regularisation=settings.secant.regularisation,
-            response_weight=learned.response_weight,
-            drive_scale=learned.drive_scale,
-            drive=start.drive,
-            band=settings.band,
-        )
-        gain = gain_at(problem.frequency, settings, playbacks=basic_twr.playbacks_before(history, model))
-        step = gauss_newton_step(problem, missing=history.target - start.response, gain=gain)
-        drive = start.drive + (step if start.step_gain is None else start.step_gain * step)
-    if settings.secant.rate_limits and len(history.playbacks) > 1:
-        bounded = within_rate_limits(
-            drive,
-            history,
-            bent,
-            start=start,
-            lines=learned.lines,
-            uncertainty=settings.secant.caution * learned.fit.uncertainty,
-            regularisation=settings.secant.regularisation,
-            response_weight=learned.response_weight,
-            drive_scale=learned.drive_scale,
-            band=settings.band,
-        )
-        drive, bent = bounded.drive, replace(bent, rate_limits=bounded.limits)
-    elif bent.rate_limits:
-        # Of another level: a limit of drives that are divided by their level is another one there.
-        bent = replace(bent, rate_limits=())
-    return NextDrive(drive=drive, model=bent, stepped_from=start.drive)
+        return _Step(start, rig, drive)
+    problem = StepProblem(
+        bent,
+        lines=rig.lines,
+        frf=learned.fit.frf,
+        uncertainty=rig.uncertainty,
+        regularisation=rig.regularisation,
+        response_weight=rig.response_weight,
+        drive_scale=rig.drive_scale,
+        drive=start.drive,
+        band=settings.band,
+    )
+    gain = gain_at(problem.frequency, settings, playbacks=basic_twr.playbacks_before(history, model))
+    step = gauss_newton_step(problem, missing=history.target - start.response, gain=gain)
+    return _Step(start, rig, start.drive + (step if start.step_gain is None else start.step_gain * step))
+
+
+def _moved_history(
+    history: IterationHistory, limits: RateLimits, *, band: ControlBand, where: NDArray[np.bool_]
+) -> IterationHistory:
+    """Return the history with drives that move the actuators as those played did, if they had no limits."""
+    playbacks = tuple(
+        replace(each, drive=equivalent_drive(each.drive, limits, sample_rate=band.sample_rate, where=where))
+        for each in history.playbacks
+    )
+    return replace(history, playbacks=playbacks)
 
 
 def secant_model(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> RigModel:
     """Fit `H_k` and its cautious inverse to the steps of all playbacks."""
-    return _learned(history, model, settings).model
+    return _learned(history, model, settings).rig.model
 
 
 @dataclass(frozen=True)
 class _Learned:
-    """Model corrected by all steps, and the fit of the correction at the driven lines, in scaled units."""
+    """Rig corrected by all steps, and the fit of the correction at the driven lines, in scaled units."""
 
-    model: RigModel
+    rig: FittedRig
     fit: SecantFit
-    lines: NDArray[np.intp]
-    response_weight: NDArray[np.float64]
-    drive_scale: NDArray[np.float64]
 
 
 def _learned(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> _Learned:
@@ -162,9 +187,10 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
     frf[lines] = found.frf
     if history.playbacks:
         frf[lines] += _mean_slope(found, terms, history.playbacks[-1].drive)
+    uncertainty = secant.caution * found.uncertainty
     inverse[lines] = cautious_inverse(
         found.frf,
-        uncertainty=secant.caution * found.uncertainty[:, : scale.size, : scale.size],
+        uncertainty=uncertainty[:, : scale.size, : scale.size],
         regularisation=secant.regularisation,
         response_weight=weight,
         drive_scale=scale,
@@ -183,7 +209,16 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
         term_frf=term_frf,
         foreseen_steps=foreseen,
     )
-    return _Learned(bent, found, lines, weight, scale)
+    rig = FittedRig(
+        bent,
+        lines=lines,
+        uncertainty=uncertainty,
+        regularisation=secant.regularisation,
+        response_weight=weight,
+        drive_scale=scale,
+        band=settings.band,
+    )
+    return _Learned(rig, found)
 
 
 def _mean_slope(found: SecantFit, terms: tuple[DriveTerm, ...], drive: NDArray[np.float64]) -> NDArray[np.complex128]:
