@@ -207,22 +207,16 @@ def fitted_to(drive, limits, *, target):
     )
 
 
-def start_at(drive, rate, *, step_gain=None):
-    """Return the start of a step from a drive that the rig with a limit has played."""
-    rig, model = rig_with(rate)
-    return StepStart(model, drive, BAND.limit_response(rig(drive)), step_gain)
-
-
 def held(wanted, start, limit, *, target, step_gain=None):
     """Hold a limit in a step from a drive that was played to one that moves the actuators as is wanted."""
-    where = np.ones(SAMPLES, dtype=bool)
+    rig, model = rig_with(limit.rate)
     return drive_within_rate_limits(
         wanted,
         (limit, None),
         fitted_to(wanted, (limit, None), target=target),
         moved_from=equivalent_drive(start, (limit, None), sample_rate=SAMPLE_RATE),
-        played=start_at(start, limit.rate, step_gain=step_gain),
-        large=where,
+        played=StepStart(model, start, BAND.limit_response(rig(start)), step_gain),
+        large=np.ones(SAMPLES, dtype=bool),
     )
 
 

@@ -65,17 +65,17 @@ def equivalent_drive(
     limits: Sequence[RateLimit | None],
     *,
     sample_rate: float,
-    where: NDArray[np.bool_] | None = None,
+    where: NDArray[np.bool_] | bool = True,
 ) -> NDArray[np.float64]:
     """Return the drive that moves the actuators as `drive` does, if they had no limits.
 
     `drive`, shape (n_u, samples): From rest. `limits`: Of each drive; None if it has none. `sample_rate`: Hz. `where`,
-    shape (samples,): Where a limit may be reached first; anywhere if not given.
+    shape (samples,): Where a limit may be reached first.
     Returns: The same drive if no limit is reached. Its content is not limited to the band of `drive`.
     """
     if not any(limits):
         return drive
-    reached = np.ones(drive.shape[1], dtype=np.bool_) if where is None else where
+    reached = np.broadcast_to(where, drive.shape[1:])
     result = drive.copy()
     for row, limit in enumerate(limits):
         if limit is not None:

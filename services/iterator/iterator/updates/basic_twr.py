@@ -54,6 +54,11 @@ class StepStart:
     response: NDArray[np.float64]
     step_gain: NDArray[np.float64] | None
 
+    @property
+    def share(self) -> NDArray[np.float64] | float:
+        """Share of the step that is made at each instant, 1 for the whole step."""
+        return 1.0 if self.step_gain is None else self.step_gain
+
     def drive_toward(self, target: NDArray[np.float64], *, band: ControlBand) -> NDArray[np.float64]:
         """Return the drive that gives a target by the model, as far as the gain allows.
 

@@ -64,7 +64,7 @@ _OVERSAMPLING: Final = 4.0
 
 @dataclass(frozen=True)
 class FittedRig:
-    """Rig as the secant update fitted it, and the target that it is to reach.
+    """Rig as the secant update fitted it, with the scales of the fit.
 
     `model`: With the limits known before. `lines`: Fitted lines of the model. `uncertainty`, shape (lines, n_u, n_u):
     Of weighted responses to scaled drives. `regularisation`: Of the inverse.
@@ -120,7 +120,7 @@ def find_rate_limits(
     speeds = np.abs(rig.in_time(speed * rig.lines(start.drive / rig.drive_scale[:, None])))
     followed = _FOLLOWED * speeds[:, rig.at_lower_rate(~large)].max(axis=1)
     known = [
-        None if limit is None or limit.rate < least else limit
+        limit if limit is not None and limit.rate >= least else None
         for limit, least in zip(fitted.known, followed * rig.drive_scale, strict=True)
     ]
     return _found(rig, history, known, where=rig.at_lower_rate(large), followed=followed)
@@ -149,12 +149,11 @@ def drive_within_rate_limits(
         sample_rate=band.sample_rate,
         where=large,
     )
-    # Where the last step was worse, the next one keeps more of what was played.
-    gain = 1.0 if played.step_gain is None else played.step_gain
     made = played.drive + band.limit_drive(wanted - moved_from)
     for _ in range(_CORRECTIONS):
         moved = equivalent_drive(made, limits, sample_rate=band.sample_rate, where=large)
-        made = made + band.limit_drive(gain * (wanted - moved))
+        # Where the last step was worse, the next one keeps more of what was played.
+        made = made + band.limit_drive(played.share * (wanted - moved))
     return made
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from duralab_spectra import rms
-from iterator.band import ControlBand
 from iterator.model import (
     ODD_TERMS,
     DriveTerm,
@@ -48,7 +47,9 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
     """Fit the model to all steps played, invert it cautiously, and update the drive as in Eq. 2.
 
     If nonlinear terms of the drives predict the playbacks better than the drives alone, the step includes them: squares
-    by fixed point iteration; odd terms by least squares of the error that the fitted model predicts.
+    by fixed point iteration; odd terms by least squares of the error that the fitted model predicts. If limits of
+    actuators explain what the playbacks lack, the model is fitted to what the actuators did, and the step is within
+    the limits.
 
     Source: C. G. Broyden's secant condition over several steps, as a regularised least-squares fit at each line; C. F.
     Gauss and I. Newton for the step.
@@ -62,7 +63,9 @@ def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSetti
         large = large_errors(history, step.rig, start=step.start)
         limits = find_rate_limits(history, step.rig, start=step.start, large=large)
         if any(limits) and large.any():
-            moved = _step(_moved_history(history, limits, band=settings.band, where=large), model, settings)
+            moved = _step(
+                _moved_history(history, limits, sample_rate=settings.band.sample_rate, where=large), model, settings
+            )
             drive = drive_within_rate_limits(
                 moved.drive, limits, moved.rig, moved_from=moved.start.drive, played=step.start, large=large
             )
@@ -103,15 +106,15 @@ def _step(history: IterationHistory, model: RigModel, settings: UpdateSettings) 
     )
     gain = gain_at(problem.frequency, settings, playbacks=basic_twr.playbacks_before(history, model))
     step = gauss_newton_step(problem, missing=history.target - start.response, gain=gain)
-    return _Step(start, rig, start.drive + (step if start.step_gain is None else start.step_gain * step))
+    return _Step(start, rig, start.drive + start.share * step)
 
 
 def _moved_history(
-    history: IterationHistory, limits: RateLimits, *, band: ControlBand, where: NDArray[np.bool_]
+    history: IterationHistory, limits: RateLimits, *, sample_rate: float, where: NDArray[np.bool_]
 ) -> IterationHistory:
     """Return the history with drives that move the actuators as those played did, if they had no limits."""
     playbacks = tuple(
-        replace(each, drive=equivalent_drive(each.drive, limits, sample_rate=band.sample_rate, where=where))
+        replace(each, drive=equivalent_drive(each.drive, limits, sample_rate=sample_rate, where=where))
         for each in history.playbacks
     )
     return replace(history, playbacks=playbacks)
