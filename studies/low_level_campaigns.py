@@ -247,4 +247,5 @@ def limits_of(rig: PlayableRig) -> DriveLimits:
         maximum=np.array([channel.maximum for channel in channels]),
         slew_limit=np.array([channel.slew_limit for channel in channels]),
         sample_rate=rig.specimen.sample_rate,
+        actuator_speed=np.array([channel.actuator_speed for channel in channels]),
     )

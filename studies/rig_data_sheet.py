@@ -134,7 +134,13 @@ def table(head: list[str], rows: list[list[str]]) -> str:
 def data_sheet(rig: Rig, system: Linearisation) -> str:
     """Return the tables of a rig as Markdown."""
     drives = [
-        [c.name, c.unit, f"{c.minimum:g} to {c.maximum:g}", f"{c.slew_limit:g} {c.unit}/s" if c.slew_limit else "none"]
+        [
+            c.name,
+            c.unit,
+            f"{c.minimum:g} to {c.maximum:g}",
+            f"{c.slew_limit:g} {c.unit}/s" if c.slew_limit else "none",
+            f"{c.actuator_speed:g} {c.unit}/s" if c.actuator_speed else "not stated",
+        ]
         for c in rig.specimen.drives
         if not c.name.startswith("right_")
     ]
@@ -149,7 +155,7 @@ def data_sheet(rig: Rig, system: Linearisation) -> str:
     stiffest = np.abs(poles).max()
     return "\n\n".join(
         [
-            table(["drive (left; right the same)", "unit", "limits", "slew limit"], drives),
+            table(["drive (left; right the same)", "unit", "limits", "slew limit", "actuator speed"], drives),
             table(["response (left; right mirrored)", "unit", "range", "noise, RMS", "at rest"], responses),
             table(["mode at rest, Hz", "damping ratio", "most of the motion", "modes"], eigen),
             f"Sample rate {speed:g} Hz, steps a sample: {rig.specimen.substeps} of {rig.specimen.integrator.value}; "

@@ -45,6 +45,8 @@ class Channel:
         Allowed range, in `unit`.
     slew_limit : float
         Largest allowed magnitude of the time derivative, in `unit` per second; 0 if not stated.
+    actuator_speed : float
+        For a drive: speed of the actuator with its valve at its stop, in `unit` per second; 0 if not stated.
     label : str
         Description and point of action.
     watchdog : float
@@ -65,6 +67,7 @@ class Channel:
     minimum: float = -np.inf
     maximum: float = np.inf
     slew_limit: float = 0.0
+    actuator_speed: float = 0.0
     label: str = ""
     watchdog: float = 0.0
     holds_static: bool = False
@@ -87,6 +90,7 @@ class Channel:
             minimum=message.minimum,
             maximum=message.maximum,
             slew_limit=message.slew_limit,
+            actuator_speed=message.actuator_speed,
             label=message.label,
             watchdog=message.watchdog,
             holds_static=message.holds_static,
@@ -104,6 +108,7 @@ class Channel:
             minimum=self.minimum,
             maximum=self.maximum,
             slew_limit=self.slew_limit,
+            actuator_speed=self.actuator_speed,
             label=self.label,
             watchdog=self.watchdog,
             holds_static=self.holds_static,

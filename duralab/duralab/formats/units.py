@@ -64,6 +64,7 @@ def convert_units(signals: Signals, units: Mapping[str, str] | Iterable[str] = S
             channels[row] = replace(
                 channel, unit=unit, minimum=channel.minimum * factor + offset,
                 maximum=channel.maximum * factor + offset, slew_limit=channel.slew_limit * factor,
+                actuator_speed=channel.actuator_speed * factor,
                 sensor=None if channel.sensor is None else channel.sensor.scaled(factor, offset),
                 calculated=tuple((name, weight * factor) for name, weight in channel.calculated),
             )  # fmt: skip

@@ -75,6 +75,7 @@ def test_rigs_of_the_lab_that_runs_are_listed(lab):
         "minimum": -0.125,
         "maximum": 0.125,
         "slew_limit": 2.0,
+        "actuator_speed": None,
         "label": "left_vertical actuator",
         "holds_static": False,
         "ac_coupled": False,

@@ -68,6 +68,9 @@ class _ChannelSection(Section):
 
 class _DriveSection(_ChannelSection):
     slew_limit: Positive | None = Field(default=None, description="Largest rate, in the controller's unit per second.")
+    actuator_speed: Positive | None = Field(
+        default=None, description="Speed with the valve at its stop, in the controller's unit per second."
+    )
     full_scale: Positive | None = Field(
         default=None, description="Full scale of the control mode, in the controller's unit; the larger limit."
     )
@@ -160,6 +163,8 @@ class MappedChannel:
         Allowed range, in `unit`.
     slew_limit : float
         Largest rate, in `unit` per second; 0 if none is stated.
+    actuator_speed : float
+        For a drive: speed of the actuator with its valve at its stop, in `unit` per second; 0 if not stated.
     stated_full_scale : float
         Full scale of the control mode, in `controller_unit`; 0 if it is the larger limit.
     recorded_command : str
@@ -181,6 +186,7 @@ class MappedChannel:
     minimum: float = -np.inf
     maximum: float = np.inf
     slew_limit: float = 0.0
+    actuator_speed: float = 0.0
     stated_full_scale: float = 0.0
     recorded_command: str = ""
     label: str = ""
@@ -209,6 +215,7 @@ class MappedChannel:
             minimum=self.minimum,
             maximum=self.maximum,
             slew_limit=self.slew_limit,
+            actuator_speed=self.actuator_speed,
             label=self.label,
             holds_static=self.holds_static,
             ac_coupled=self.ac_coupled,
@@ -464,6 +471,7 @@ def _compiled(section: _MapSection, folder: Path) -> ControllerMap:
             name,
             drive,
             slew_limit=drive.slew_limit or 0.0,
+            actuator_speed=drive.actuator_speed or 0.0,
             stated_full_scale=drive.full_scale or 0.0,
             recorded_command=drive.recorded_command or "",
             holds_static=drive.holds_static,
@@ -507,7 +515,9 @@ def _compiled(section: _MapSection, folder: Path) -> ControllerMap:
     return found
 
 
-def _mapped(name: str, section: _ChannelSection, *, slew_limit: float = 0.0, **more: Any) -> MappedChannel:
+def _mapped(
+    name: str, section: _ChannelSection, *, slew_limit: float = 0.0, actuator_speed: float = 0.0, **more: Any
+) -> MappedChannel:
     unit = _KINDS[section.kind][1]
     factor, shift = unit_conversion(section.unit, unit, name)
     if shift:
@@ -527,6 +537,7 @@ def _mapped(name: str, section: _ChannelSection, *, slew_limit: float = 0.0, **m
         minimum=scale * ends[0],
         maximum=scale * ends[1],
         slew_limit=slew_limit * abs(scale),
+        actuator_speed=actuator_speed * abs(scale),
         label=section.label,
         **more,
     )

@@ -24,6 +24,7 @@ drives:
     minimum: -75
     maximum: 75
     slew_limit: 2000
+    actuator_speed: 1200
     recorded_command: LF Vert Disp Cmd
   left_lateral:
     channel: LF Lat Force
@@ -98,6 +99,8 @@ def test_a_drive_goes_into_the_units_signs_and_offsets_of_the_controller(read):
     # -75 mm = -2 * 42.5 mm + 10 mm.
     assert (vertical.minimum, vertical.maximum) == pytest.approx((-0.0325, 0.0425))
     assert vertical.slew_limit == pytest.approx(1.0)
+    assert (vertical.actuator_speed, lateral.actuator_speed) == pytest.approx((0.6, 0.0))
+    assert vertical.to_message().actuator_speed == vertical.actuator_speed
     assert (vertical.full_scale, lateral.full_scale) == pytest.approx((75.0, 25.0))
     assert mapped.recorded_commands == {"left_vertical": "LF Vert Disp Cmd"}
     assert (mapped.lead_seconds, mapped.exchange.name) == (1.5, "exchange")
@@ -187,6 +190,7 @@ def test_the_description_has_the_ranges_of_the_lab_and_the_calculated_channel_it
         ("full_scale: 25", "full_scale: 15", "full_scale is 15 kN, and the limits reach 20 kN"),
         ("full_scale: 25", "full_scale: 0", "full_scale is 0; it must be greater than 0"),
         ("slew_limit: 2000", "slew_limit: -1", "slew_limit is -1; it must be greater than 0"),
+        ("actuator_speed: 1200", "actuator_speed: 0", "actuator_speed is 0; it must be greater than 0"),
         ("factor: 2", "factor: 0", "factor is 0; it must be greater than 0"),
         ("sign: -1", "sign: 2", "sign is 2; allowed: 1, -1"),
         ("convention: swift_right", "convention: swift", "convention is 'swift'; allowed: 'iso_8855', 'swift_left'"),

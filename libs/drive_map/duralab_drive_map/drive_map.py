@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
@@ -26,7 +26,7 @@ from duralab_spectra import as_record
 _SAME_FREQUENCY: Final = 1e-9
 
 Adjust = Callable[[int, NDArray[np.float64]], NDArray[np.float64]]
-"""Function of a drive's index and its samples that returns the samples to play."""
+"""Function of a drive's index and its samples that returns other samples: those to play, or those that are moved."""
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,9 @@ class DriveMap:
         Sample rate of the drives, Hz.
     highest_frequency : float
         Upper end of the identified band, Hz; above 0 and at most 0.45 of the sample rate, so that the fade has room.
+    moved : callable, optional
+        Called with each drive in a product; `π_j` is of the returned samples, as where an actuator does not follow its
+        drive. It is not part of a stored map.
 
     Raises
     ------
@@ -65,6 +68,7 @@ class DriveMap:
     terms: tuple[MapTerm, ...]
     sample_rate: float
     highest_frequency: float
+    moved: Adjust | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         count = len(self.names)
@@ -132,7 +136,7 @@ class DriveMap:
         if self.is_identity:
             return given
         products = self._band(given.shape[1])
-        lowered = {i: products.lowered(given[i]) for i in self._leaders}
+        lowered = {i: self._lowered(i, given[i], products) for i in self._leaders}
         result = given.copy()
         for i in self._followers:
             result[i] += self._followed(i, lowered, products)
@@ -171,7 +175,7 @@ class DriveMap:
             if adjust is not None:
                 result[i] = adjust(i, result[i].copy())
             if i in self._leaders:
-                lowered[i] = band.lowered(result[i])
+                lowered[i] = self._lowered(i, result[i], band)
         return result
 
     def describe(self) -> tuple[str, ...]:
@@ -279,6 +283,9 @@ class DriveMap:
 
     def _band(self, samples: int) -> ProductBand:
         return ProductBand(samples, sample_rate=self.sample_rate, highest=self.highest_frequency)
+
+    def _lowered(self, leader: int, samples: NDArray[np.float64], band: ProductBand) -> NDArray[np.float64]:
+        return band.lowered(samples if self.moved is None else self.moved(leader, samples))
 
     def _followed(
         self, follower: int, lowered: Mapping[int, NDArray[np.float64]], band: ProductBand

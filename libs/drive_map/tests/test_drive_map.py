@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -49,6 +51,16 @@ def test_any_acyclic_map_of_any_length_is_inverted_exactly(seed, samples, drives
     u = rng.standard_normal((drives, samples))
     v = map_.to_mapped(u)
     np.testing.assert_allclose(map_.to_drive(v), u, rtol=0.0, atol=1e-12 * max(1.0, np.abs(v).max()))
+
+
+def test_products_are_of_what_is_moved_where_an_actuator_does_not_follow_its_drive():
+    half = replace(drive_map(SQUARE), moved=lambda i, samples: 0.5 * samples if i == 0 else samples)
+    u = drive()
+    v = half.to_mapped(u)
+    np.testing.assert_array_equal(v[0], u[0])
+    np.testing.assert_allclose(v[1] - u[1], 0.25 * (drive_map(SQUARE).to_mapped(u)[1] - u[1]), atol=1e-15)
+    np.testing.assert_allclose(half.to_drive(v), u, rtol=0.0, atol=1e-12 * np.abs(v).max())
+    assert half == drive_map(SQUARE)
 
 
 def test_rest_stays_rest():

@@ -27,6 +27,10 @@ def changed(change):
         (lambda t: setattr(t.drives[0], "maximum", -0.1), "a_stroke has the range -0.1 to -0.1; minimum must be below"),
         (lambda t: setattr(t.drives[0], "minimum", 0.01), "a_stroke may go from 0.01 to 0.1; a rig rests at zero"),
         (lambda t: setattr(t.drives[0], "slew_limit", -1.0), "slew_limit of a_stroke is -1; it must be 0 or more."),
+        (
+            lambda t: setattr(t.drives[0], "actuator_speed", float("nan")),
+            "actuator_speed of a_stroke is nan; it must be 0 or more.",
+        ),
         (lambda t: t.static_response.CopyFrom(to_array(np.zeros(3))), "springs: static_response"),
     ],
 )

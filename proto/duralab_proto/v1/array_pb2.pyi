@@ -101,7 +101,7 @@ class CalculatedTerm(_message.Message):
     def __init__(self, channel: _Optional[str] = ..., weight: _Optional[float] = ...) -> None: ...
 
 class Channel(_message.Message):
-    __slots__ = ("name", "unit", "kind", "minimum", "maximum", "slew_limit", "label", "watchdog", "sensor", "calculated", "holds_static", "ac_coupled")
+    __slots__ = ("name", "unit", "kind", "minimum", "maximum", "slew_limit", "label", "watchdog", "sensor", "calculated", "holds_static", "ac_coupled", "actuator_speed")
     NAME_FIELD_NUMBER: _ClassVar[int]
     UNIT_FIELD_NUMBER: _ClassVar[int]
     KIND_FIELD_NUMBER: _ClassVar[int]
@@ -114,6 +114,7 @@ class Channel(_message.Message):
     CALCULATED_FIELD_NUMBER: _ClassVar[int]
     HOLDS_STATIC_FIELD_NUMBER: _ClassVar[int]
     AC_COUPLED_FIELD_NUMBER: _ClassVar[int]
+    ACTUATOR_SPEED_FIELD_NUMBER: _ClassVar[int]
     name: str
     unit: str
     kind: ChannelKind
@@ -126,7 +127,8 @@ class Channel(_message.Message):
     calculated: _containers.RepeatedCompositeFieldContainer[CalculatedTerm]
     holds_static: bool
     ac_coupled: bool
-    def __init__(self, name: _Optional[str] = ..., unit: _Optional[str] = ..., kind: _Optional[_Union[ChannelKind, str]] = ..., minimum: _Optional[float] = ..., maximum: _Optional[float] = ..., slew_limit: _Optional[float] = ..., label: _Optional[str] = ..., watchdog: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., calculated: _Optional[_Iterable[_Union[CalculatedTerm, _Mapping]]] = ..., holds_static: _Optional[bool] = ..., ac_coupled: _Optional[bool] = ...) -> None: ...
+    actuator_speed: float
+    def __init__(self, name: _Optional[str] = ..., unit: _Optional[str] = ..., kind: _Optional[_Union[ChannelKind, str]] = ..., minimum: _Optional[float] = ..., maximum: _Optional[float] = ..., slew_limit: _Optional[float] = ..., label: _Optional[str] = ..., watchdog: _Optional[float] = ..., sensor: _Optional[_Union[Sensor, _Mapping]] = ..., calculated: _Optional[_Iterable[_Union[CalculatedTerm, _Mapping]]] = ..., holds_static: _Optional[bool] = ..., ac_coupled: _Optional[bool] = ..., actuator_speed: _Optional[float] = ...) -> None: ...
 
 class Record(_message.Message):
     __slots__ = ("channels", "sample_rate", "samples")

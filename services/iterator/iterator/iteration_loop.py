@@ -41,7 +41,14 @@ from iterator.playbacks import (
     playable_drive,
     require_within_bounds,
 )
-from iterator.updates import NextDrive, Update, chosen_update, own_update, whole_model
+from iterator.updates import (
+    NextDrive,
+    Update,
+    chosen_update,
+    own_update,
+    stated_rate_limits,
+    whole_model,
+)
 
 Play = Callable[[NDArray[np.float64]], ArrayLike]
 """Function that plays a drive, shape (n_u, samples), and returns the measured response, shape (n_y, samples)."""
@@ -129,7 +136,10 @@ def iterate(
     to_learn = drive_map if isinstance(drive_map, MapFromFirstPlayback) else None
     start_map = drive_map.start if isinstance(drive_map, MapFromFirstPlayback) else drive_map
     basis = Basis(as_record(target_in_band, name="target"), model, settings, identification_damage, target_damage)
-    own_map, own = fitting_map(start_map, model, limits), None if update is None else own_update(update)
+    own_map, own = (
+        fitting_map(start_map, model, limits, update=settings.update),
+        None if update is None else own_update(update),
+    )
     line = Lineage(basis, limits=limits, drive_map=own_map, keep=decide is not None, known=known)
     metrics: tuple[IterationMetrics, ...] = ()
     outcome, since = None, 0
@@ -139,7 +149,7 @@ def iterate(
         if number <= len(recorded):
             while decide is not None and (revision := decide(number, None)) is not None:
                 line.revise(revision)
-            made = _recorded(recorded[number - 1], line, _step(line, own), level=level)
+            made = _recorded(recorded[number - 1], line, _step(line, own, level=level, limits=limits), level=level)
             response = recorded[number - 1].response
         else:
             made = _decided(line, own, decide, number=number, level=level, limits=limits)
@@ -181,9 +191,10 @@ def iterate(
                 target=basis.target,
                 controlled=controlled,
                 limits=limits,
+                update=basis.settings.update,
             )
             if learned.chosen:
-                line.drive_map = learned.drive_map
+                line.drive_map = fitting_map(learned.drive_map, basis.identified, limits, update=basis.settings.update)
                 mapped = mapped_drive(drive, line.drive_map, band=band)
         line.add(
             drive=drive,
@@ -228,17 +239,20 @@ class _MadeDrive:
     with_map: bool
 
 
-def _step(line: Lineage, own: Update | None) -> NextDrive:
+def _step(line: Lineage, own: Update | None, *, level: float, limits: DriveLimits | None) -> NextDrive:
     """Make the next drive by the update of the settings or of the caller."""
     settings = line.basis.own_settings
     if not line.history.playbacks and (given := line.given_drive()) is not None:
         return NextDrive(drive=given, model=line.model)
     how = settings.update.without_terms if line.is_held else settings.update
-    if line.drive_map is not None and not line.drive_map.is_identity:
+    followers = set[int]() if line.drive_map is None else {term.follower for term in line.drive_map.terms}
+    stated = stated_rate_limits(limits, how, followers=followers, level=level)
+    if followers and not stated:
         # An actuator moves with its own drive, and the update sees the mapped one.
         how = how.without_rate_limits
+    model = replace(line.model, stated_rate_limits=stated)
     make = chosen_update(settings.update) if own is None else own
-    return make(comparable_history(line.history, settings.levels), line.model, how)
+    return make(comparable_history(line.history, settings.levels), model, how)
 
 
 def _recorded(before: RecordedPlayback, line: Lineage, step: NextDrive, *, level: float) -> _MadeDrive:
@@ -277,7 +291,7 @@ def _decided(
     while True:
         made, refusal = None, None
         try:
-            made = _new(line, _step(line, own), number=number, level=level, limits=limits)
+            made = _new(line, _step(line, own, level=level, limits=limits), number=number, level=level, limits=limits)
         except ValueError as error:
             # Other settings may suffice to make the drive.
             if decide is None:

@@ -14,7 +14,7 @@ RATE = 256.0
 NAMES = ("left", "right")
 
 
-def remarks(drive, *, peak, slew=0.0, rate_limits=()):
+def remarks(drive, *, peak, slew=0.0, rate_limits=(), stated=()):
     limits = DriveLimits(
         names=NAMES,
         units=("m", "m"),
@@ -35,7 +35,7 @@ def remarks(drive, *, peak, slew=0.0, rate_limits=()):
         outcome="reached",
         metrics=related(),
         passed_bound=None,
-        model=SimpleNamespace(rate_limits=rate_limits),
+        model=SimpleNamespace(rate_limits=rate_limits, stated_rate_limits=stated),
         level=0.5,
     )
     return projection, remarks_of(iteration, plan=SimpleNamespace(description=description))
@@ -79,6 +79,8 @@ def test_the_rate_limit_of_an_actuator_is_told(tones):
         "its stop where the error is large."
     ]
     assert remarks(tones, peak=2.0, rate_limits=(None, None))[1] == []
+    stated = (None, RateLimit(27.0, 1.2345))
+    assert remarks(tones, peak=2.0, rate_limits=stated, stated=stated)[1] == []
 
 
 def stood_still(number, *, weight, outcome, recorded=()):
@@ -97,7 +99,7 @@ def stood_still(number, *, weight, outcome, recorded=()):
         metrics=related(0.0, 0.0),
         passed_bound=None,
         learned=None,
-        model=SimpleNamespace(rate_limits=()),
+        model=SimpleNamespace(rate_limits=(), stated_rate_limits=()),
     )
     return remarks_of(iteration, plan=plan, recorded=recorded)
 
@@ -131,7 +133,7 @@ def test_a_controlled_response_that_reproduces_nothing_is_told():
         metrics=related(0.101, 0.0625, np.nan, 0.99),
         passed_bound=None,
         learned=None,
-        model=SimpleNamespace(rate_limits=()),
+        model=SimpleNamespace(rate_limits=(), stated_rate_limits=()),
     )
     assert remarks_of(iteration, plan=plan) == [
         "Playback 4: right has a correlation of 0.06 with its target; check its sensor, its sign and the model there "

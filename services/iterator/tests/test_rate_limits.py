@@ -12,6 +12,7 @@ from duralab_spectra import rms
 from iterator import (
     NO_BOUNDS,
     CampaignSettings,
+    DriveLimits,
     IterationHistory,
     Playback,
     StepStart,
@@ -62,12 +63,17 @@ def largest_rate(drive):
     return float(np.abs(np.diff(lag(drive), prepend=0.0)).max()) * SAMPLE_RATE
 
 
-def rig_with(rate):
-    """Return a rig whose first actuator has a rate limit, and its model."""
+def rig_with(rate, *, arc=0.0):
+    """Return a rig whose first actuator has a rate limit, and its model.
+
+    The second response also follows the square of the drive that moves the first actuator so without a limit.
+    """
+    limits = (RateLimit(CORNER, rate), None)
 
     def rig(drive):
         first = followed(drive[0], rate)
-        return play(impulse_responses(), np.stack((first, lag(drive[1]))))
+        equivalent = equivalent_drive(drive, limits, sample_rate=SAMPLE_RATE) if arc else drive
+        return play(impulse_responses(), np.stack((first, lag(drive[1] + arc * equivalent[0] ** 2))))
 
     frequency, frf = frequency_response(impulse_responses())
     share = 1.0 - np.exp(-2.0 * np.pi * CORNER / SAMPLE_RATE)
@@ -78,13 +84,19 @@ def rig_with(rate):
     return rig, model
 
 
-def campaign(settings, rate, *, target, playbacks=6, drive_map=None):
-    rig, model = rig_with(rate)
+def campaign(settings, rate, *, target, playbacks=6, drive_map=None, arc=0.0, speed=None, levels=()):
+    rig, model = rig_with(rate, arc=arc)
+    limits = DriveLimits(
+        ("first", "second"), ("m", "m"), -np.ones(2), np.ones(2), np.zeros(2), SAMPLE_RATE, actuator_speed=speed
+    )
     return run_campaign(
         rig,
         BAND.limit_target(target),
         model=model,
-        settings=CampaignSettings(update=settings, stop=StopCriteria(iterations=playbacks, **NO_BOUNDS)),
+        settings=CampaignSettings(
+            update=settings, stop=StopCriteria(iterations=playbacks, **NO_BOUNDS), levels=levels, largest_overrun=10.0
+        ),
+        limits=limits,
         drive_map=drive_map,
     ).iterations
 
@@ -99,6 +111,11 @@ def wanted():
 @pytest.fixture(scope="module")
 def limited(wanted):
     return campaign(SETTINGS, wanted[1], target=wanted[0])
+
+
+@pytest.fixture(scope="module")
+def ignored(wanted):
+    return campaign(WITHOUT, wanted[1], target=wanted[0])
 
 
 def overall(iterations):
@@ -142,8 +159,7 @@ def test_the_limit_of_an_actuator_is_found_and_that_of_another_is_not_invented(l
     assert second is None
 
 
-def test_a_target_beyond_an_actuator_is_reached_more_closely_with_the_limit(limited, wanted):
-    ignored = campaign(WITHOUT, wanted[1], target=wanted[0])
+def test_a_target_beyond_an_actuator_is_reached_more_closely_with_the_limit(limited, ignored):
     assert ignored[-1].model.rate_limits == ()
     assert overall(limited)[-1] < 0.9 * overall(ignored)[-1]
     # Without the limit, the drive asks for more with each playback; with it, for no more than before it was known.
@@ -152,8 +168,7 @@ def test_a_target_beyond_an_actuator_is_reached_more_closely_with_the_limit(limi
     assert max(asked[3:]) < 1.02 * asked[2] < largest_rate(ignored[-1].drive[0])
 
 
-def test_the_model_learns_from_the_motion_and_not_from_what_an_actuator_could_not_follow(limited, wanted):
-    ignored = campaign(WITHOUT, wanted[1], target=wanted[0])
+def test_the_model_learns_from_the_motion_and_not_from_what_an_actuator_could_not_follow(limited, ignored):
     _, true = rig_with(np.inf)
     lines = driven_lines(true, BAND)
 
@@ -171,6 +186,49 @@ def test_with_a_drive_map_that_moves_drives_no_limits_are_looked_for(wanted, coe
     drive_map = DriveMap(("first", "second"), ("m", "m"), (0.004, 0.004), terms, SAMPLE_RATE, 40.0)
     iterations = campaign(SETTINGS, wanted[1], target=wanted[0], playbacks=5, drive_map=drive_map)
     assert any(iterations[-1].model.rate_limits) == looks
+
+
+def test_limits_that_the_rig_states_are_used_and_none_is_looked_for(limited, ignored, wanted):
+    speed = np.array([wanted[1], 0.0])
+    stated = campaign(SETTINGS, wanted[1], target=wanted[0], speed=speed)
+    for each in stated[2:]:
+        assert each.model.rate_limits == (RateLimit(0.9 * 25.0, wanted[1]), None)
+    assert overall(stated)[-1] < 0.9 * overall(ignored)[-1]
+    assert overall(stated)[-1] < 1.1 * overall(limited)[-1]
+    switched_off = campaign(WITHOUT, wanted[1], target=wanted[0], speed=speed, playbacks=4)
+    assert switched_off[-1].drive.tobytes() == ignored[3].drive.tobytes()
+
+
+def test_a_stated_limit_is_divided_by_the_level_as_the_drives_are(wanted):
+    speed = np.array([wanted[1], 0.0])
+    stated = campaign(SETTINGS, wanted[1], target=wanted[0], speed=speed, levels=(0.5, 0.5, 0.5, 1.0), playbacks=6)
+    assert [each.model.rate_limits[0].rate for each in stated if each.model.rate_limits] == [2.0 * wanted[1], wanted[1]]
+
+
+def test_with_a_drive_map_the_stated_speeds_keep_followers_from_motions_that_are_not_made():
+    """The second drive makes up for the square of the first, which its actuator does not reach."""
+    arc = 20.0
+    rig, _ = rig_with(np.inf, arc=arc)
+    drive_map = DriveMap(
+        ("first", "second"),
+        ("m", "m"),
+        (0.004, 0.004),
+        (MapTerm(1, (0, 0), (0.004 * arc, 0.0, 0.0)),),
+        SAMPLE_RATE,
+        40.0,
+    )
+    fast = potholes()
+    target, rate = rig(drive_map.to_drive(fast)), 0.6 * largest_rate(fast[0])
+    both = np.array([rate, rate])
+    stated, before = (
+        campaign(SETTINGS, rate, target=target, drive_map=drive_map, arc=arc, speed=speed) for speed in (both, None)
+    )
+    assert not any(before[-1].model.rate_limits)
+    off = campaign(WITHOUT, rate, target=target, drive_map=drive_map, arc=arc, speed=both, playbacks=3)
+    assert off[-1].drive.tobytes() == before[2].drive.tobytes()
+    # The second drive follows the first: its actuator does not move with its mapped drive.
+    assert stated[-1].model.rate_limits == (RateLimit(0.9 * 25.0, rate), None)
+    assert overall(stated)[-1] < 0.8 * overall(before)[-1]
 
 
 @pytest.mark.parametrize("noise", [0.0, 2.0])

@@ -164,6 +164,7 @@ def _drive_channel(channel: InputChannel) -> array_pb2.Channel:
         minimum=channel.minimum,
         maximum=channel.maximum,
         slew_limit=channel.slew_limit,
+        actuator_speed=channel.actuator_speed,
         label=channel.label,
         # Displacement control holds the specimen in place; a constant force moves a free specimen without limit.
         holds_static=channel.quantity is Quantity.DISPLACEMENT,

@@ -153,3 +153,20 @@ def test_displacement_control_states_that_it_holds_a_constant_value_and_force_co
     specimen = StructureSpecimen if name == "aerospace" else Specimen
     drives = [_drive_channel(channel) for channel in read_specimen(shipped_specimens()[name], specimen).drives]
     assert [drive.holds_static for drive in drives] == [drive.unit == "m" for drive in drives]
+
+
+@pytest.mark.parametrize(
+    "name", ["front_axle", "front_axle_compliant", "macpherson", "macpherson_compliant", "spindle_coupled"]
+)
+def test_an_actuator_states_the_speed_of_its_open_valve_under_some_load(name):
+    """Without a load each land drops half the supply's pressure (Merritt, Hydraulic Control Systems)."""
+    specimen = read_specimen(shipped_specimens()[name], Specimen)
+    kinds = {part.name: specimen.actuator_kinds[part.kind] for part in specimen.actuators}
+    stated = [_drive_channel(channel) for channel in specimen.drives if channel.actuator_speed > 0.0]
+    assert [channel.name for channel in stated] == ["left_vertical", "right_vertical"]
+    for channel in stated:
+        valve, cylinder = kinds[channel.name].valve, kinds[channel.name].cylinder
+        drop = (specimen.supply.supply_pressure - specimen.supply.return_pressure) / 2.0
+        free = valve.rated_flow * np.sqrt(drop / valve.rated_drop) / cylinder.area
+        # The wheel and its spring take an eighth of the pressure at most: 1 - 1/8 of it leaves 0.94 of the speed.
+        assert 0.93 * free < channel.actuator_speed < free < channel.slew_limit

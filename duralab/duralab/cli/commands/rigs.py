@@ -63,7 +63,8 @@ def _channel(channel: Channel) -> dict[str, object]:
     shown = {name: value for name, value in vars(channel).items() if name not in hidden}
     sensor = {} if channel.sensor is None else {"sensor": vars(channel.sensor)}
     calculated = {"calculated": dict(channel.calculated)} if channel.calculated else {}
-    return {**shown, "slew_limit": channel.slew_limit or None, **sensor, **calculated}
+    rates = {name: shown[name] or None for name in ("slew_limit", "actuator_speed")}
+    return {**shown, **rates, **sensor, **calculated}
 
 
 def _table(rig: Rig) -> Table:

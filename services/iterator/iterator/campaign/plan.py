@@ -403,4 +403,5 @@ def drive_limits(description: rig_pb2.RigDescription) -> DriveLimits:
         maximum=np.array([channel.maximum for channel in drives]),
         slew_limit=np.array([channel.slew_limit for channel in drives]),
         sample_rate=description.sample_rate,
+        actuator_speed=np.array([channel.actuator_speed for channel in drives]),
     )

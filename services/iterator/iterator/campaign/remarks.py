@@ -99,7 +99,9 @@ def _not_reproduced(iteration: Iteration, plan: CampaignPlan) -> list[str]:
 
 
 def _rate_limits(iteration: Iteration, plan: CampaignPlan) -> list[str]:
-    """Return a remark on each actuator that had a rate limit in the playbacks before."""
+    """Return a remark on each actuator that had a rate limit in the playbacks before which the rig does not state."""
+    if iteration.model.stated_rate_limits:
+        return []
     return [
         f"{channel.name} moved no faster than about {iteration.level * limit.rate:.3g} {channel.unit}/s in the "
         "playbacks before; look whether its valve is at its stop where the error is large."

@@ -35,6 +35,9 @@ class DriveLimits:
         Largest allowed magnitude of the time derivative, drive units per second; 0 if not stated.
     sample_rate : float
         Sample rate of the drives, Hz.
+    actuator_speed : ndarray, shape (n_u,), optional
+        Speed of each actuator with its valve at its stop, drive units per second; 0 if not stated. A drive may ask for
+        more.
     """
 
     names: tuple[str, ...]
@@ -43,6 +46,7 @@ class DriveLimits:
     maximum: NDArray[np.float64]
     slew_limit: NDArray[np.float64]
     sample_rate: float
+    actuator_speed: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True)

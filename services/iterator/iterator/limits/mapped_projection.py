@@ -151,4 +151,5 @@ def _of_channel(limits: DriveLimits, channel: int) -> DriveLimits:
         minimum=limits.minimum[row],
         maximum=limits.maximum[row],
         slew_limit=limits.slew_limit[row],
+        actuator_speed=None,
     )

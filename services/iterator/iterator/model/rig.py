@@ -65,7 +65,9 @@ class RigModel:
     foreseen_steps : tuple of ForeseenStep
         Prediction errors of the models before each of the seen steps.
     rate_limits : tuple of RateLimit or None
-        Rate limits of the actuators that an update found, one for each drive; empty before it looked.
+        Rate limits of the actuators that an update used, one for each drive; empty before it looked.
+    stated_rate_limits : tuple of RateLimit or None
+        Rate limits that the rig states, one for each drive; if there are any, an update uses them and looks for none.
     earlier : tuple of tuple of Playback
         Playbacks of earlier campaigns on the same rig, one tuple for each campaign: an update that learns from steps
         also learns from theirs, in this order before its own.
@@ -83,6 +85,7 @@ class RigModel:
     term_frf: NDArray[np.complex128] | None = None
     foreseen_steps: tuple[ForeseenStep, ...] = ()
     rate_limits: tuple[RateLimit | None, ...] = ()
+    stated_rate_limits: tuple[RateLimit | None, ...] = ()
     earlier: tuple[tuple[Playback, ...], ...] = ()
 
     @property

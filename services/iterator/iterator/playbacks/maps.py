@@ -13,7 +13,8 @@ from duralab_spectra import rms
 from iterator.assessment import partial_playbacks
 from iterator.band import ControlBand
 from iterator.limits import DriveLimits, require_rest_within_limits
-from iterator.model import RigModel
+from iterator.model import RigModel, equivalent_drive
+from iterator.updates import UpdateSettings, stated_rate_limits
 
 
 @dataclass(frozen=True)
@@ -54,6 +55,7 @@ def learned_map(
     target: NDArray[np.float64],
     controlled: NDArray[np.bool_],
     limits: DriveLimits | None,
+    update: UpdateSettings,
 ) -> LearnedDriveMap[RigModel]:
     """Learn a drive map from the first playback; return the earlier map with a remark if the limits do not allow it."""
     learned = learn_drive_map(
@@ -67,22 +69,37 @@ def learned_map(
         may_follow=to_learn.may_follow,
     )
     try:
-        fitting_map(learned.drive_map, model, limits)
+        fitting_map(learned.drive_map, model, limits, update=update)
     except ValueError as error:
         before = to_learn.start or replace(learned.drive_map, terms=())
         return replace(learned, drive_map=before, chosen=(), remarks=(*learned.remarks, f"{error}."))
     return learned
 
 
-def fitting_map(drive_map: DriveMap | None, model: RigModel, limits: DriveLimits | None) -> DriveMap | None:
-    """Return a drive map that fits model and limits, or None for the identity."""
+def fitting_map(
+    drive_map: DriveMap | None, model: RigModel, limits: DriveLimits | None, *, update: UpdateSettings
+) -> DriveMap | None:
+    """Return a drive map that fits model and limits, or None for the identity.
+
+    Its products are of what actuators move whose speed the rig states.
+    """
     if drive_map is None:
         return None
     drive_map.require_model(model)
     if limits is not None:
         drive_map.require_drives(limits.names, limits.units, sample_rate=limits.sample_rate)
         require_rest_within_limits(drive_map, limits)
-    return None if drive_map.is_identity else drive_map
+    if drive_map.is_identity:
+        return None
+    stated = stated_rate_limits(limits, update)
+    if not stated:
+        return drive_map
+
+    def moved(drive: int, samples: NDArray[np.float64]) -> NDArray[np.float64]:
+        row = equivalent_drive(samples[None, :], stated[drive : drive + 1], sample_rate=drive_map.sample_rate)
+        return np.asarray(row[0], dtype=np.float64)
+
+    return replace(drive_map, moved=moved)
 
 
 def mapped_drive(

@@ -1,12 +1,12 @@
-"""Rate limits of the actuators: learned from what the responses lack, and held by the next step where errors are large.
+"""Rate limits of the actuators, stated by the rig or learned from what the responses lack; a step is held within them.
 
 A drive that asks for more than an actuator gives has no effect there, and an update with an FRF alone asks for more
-with each playback. A step within the limit begins the motion earlier instead.
+with each playback. A step within the limit begins the motion earlier instead. It is held only where errors are large.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import ceil
 from typing import Final, cast
@@ -17,6 +17,7 @@ from scipy import fft
 
 from duralab_spectra import rms
 from iterator.band import ControlBand
+from iterator.limits import DriveLimits
 from iterator.model import (
     InterpolatedMatrix,
     IterationHistory,
@@ -27,6 +28,7 @@ from iterator.model import (
     gram_and_ridge,
 )
 from iterator.updates.basic_twr import StepStart
+from iterator.updates.settings import UpdateSettings
 
 RateLimits = tuple[RateLimit | None, ...]
 """Limit of each drive, as far as it is known."""
@@ -95,6 +97,23 @@ class FittedRig:
         )
 
 
+def stated_rate_limits(
+    limits: DriveLimits | None, update: UpdateSettings, *, followers: Collection[int] = (), level: float = 1.0
+) -> RateLimits:
+    """Return the rate limits of drives that are divided by their level; empty if the rig states none.
+
+    `limits`: With the speeds of the actuators. `update`: Settings that may switch rate limits off. `followers`: Drives
+    that follow others in a drive map; an actuator does not move with its mapped drive there.
+    """
+    if limits is None or limits.actuator_speed is None or not update.secant.rate_limits:
+        return ()
+    stated = tuple(
+        RateLimit(_CORNER * update.band.highest, speed / level) if speed > 0.0 and drive not in followers else None
+        for drive, speed in enumerate(limits.actuator_speed.tolist())
+    )
+    return stated if any(stated) else ()
+
+
 def large_errors(history: IterationHistory, fitted: FittedRig, *, start: StepStart) -> NDArray[np.bool_]:
     """Return where the error at the start of a step is large, shape (samples,); nowhere if nearly every one is."""
     weight, band = fitted.response_weight, fitted.band
@@ -111,8 +130,11 @@ def find_rate_limits(
 
     `history`: With the drives that were played. `start`: Of the step. `large`, shape (samples,): Where the error is
     large.
-    Returns: Limit of each drive; where none is found, the one known before, if no drive that is followed exceeds it.
+    Returns: Limits that the rig states, if there are any. Otherwise the limit of each drive; where none is found, the
+    one known before, if no drive that is followed exceeds it.
     """
+    if fitted.model.stated_rate_limits:
+        return fitted.model.stated_rate_limits
     if not large.any():
         return fitted.known
     rig = fitted.scaled(history.target.shape[1])

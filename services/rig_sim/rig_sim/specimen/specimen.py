@@ -254,6 +254,8 @@ class InputChannel(BaseModel):
     maximum: Finite
     #: Largest rate, in unit per second; 0 if not stated.
     slew_limit: NotNegative = 0.0
+    #: Speed with the valve at its stop, under the loads of a test, in unit per second; 0 if not stated.
+    actuator_speed: NotNegative = 0.0
     label: str
 
     @model_validator(mode="after")
