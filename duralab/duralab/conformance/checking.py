@@ -128,6 +128,10 @@ def _check_channels(what: str, channels: Sequence[array_pb2.Channel]) -> None:
             f"{what} {channel.name!r} goes from {channel.minimum:g} to {channel.maximum:g} at up to "
             f"{channel.slew_limit:g} a second; limits are finite and in order.",
         )
+        expect(
+            0.0 <= channel.actuator_speed < np.inf,
+            f"{what} {channel.name!r} states an actuator_speed of {channel.actuator_speed:g}; it is finite, 0 or more.",
+        )
 
 
 Tell = Callable[[Finding], None]

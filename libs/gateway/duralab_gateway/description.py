@@ -77,10 +77,12 @@ def _check_channels(rig: str, what: str, channels: Iterable[array_pb2.Channel]) 
                 f"{rig}: {channel.name} has the range {channel.minimum:g} to {channel.maximum:g}; minimum must be "
                 "below maximum."
             )
-        for limit in ("slew_limit", "actuator_speed"):
-            stated = getattr(channel, limit)
-            if not stated >= 0.0:
-                raise ConfigError(f"{rig}: {limit} of {channel.name} is {stated:g}; it must be 0 or more.")
+        if not channel.slew_limit >= 0.0:
+            raise ConfigError(f"{rig}: slew_limit of {channel.name} is {channel.slew_limit:g}; it must be 0 or more.")
+        if not 0.0 <= channel.actuator_speed < math.inf:
+            raise ConfigError(
+                f"{rig}: actuator_speed of {channel.name} is {channel.actuator_speed:g}; it must be finite, 0 or more."
+            )
         if what == "drives" and not channel.minimum <= 0.0 <= channel.maximum:
             raise ConfigError(
                 f"{rig}: the drive {channel.name} may go from {channel.minimum:g} to {channel.maximum:g}; a rig rests "

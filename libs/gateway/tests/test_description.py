@@ -29,7 +29,7 @@ def changed(change):
         (lambda t: setattr(t.drives[0], "slew_limit", -1.0), "slew_limit of a_stroke is -1; it must be 0 or more."),
         (
             lambda t: setattr(t.drives[0], "actuator_speed", float("nan")),
-            "actuator_speed of a_stroke is nan; it must be 0 or more.",
+            "actuator_speed of a_stroke is nan; it must be finite, 0 or more.",
         ),
         (lambda t: t.static_response.CopyFrom(to_array(np.zeros(3))), "springs: static_response"),
     ],

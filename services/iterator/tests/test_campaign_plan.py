@@ -244,6 +244,25 @@ def test_the_bounds_of_a_correction_do_not_matter_to_basic_twr():
     assert plan_campaign(spec, description(), experiment_plan(spec)).settings.update.kind is UpdateKind.BASIC_TWR
 
 
+@pytest.mark.parametrize("speed", [-1.0, float("nan"), float("inf")])
+def test_a_speed_that_no_actuator_has_is_refused(speed):
+    rig = description()
+    rig.drives[1].actuator_speed = speed
+    with pytest.raises(FaultError) as caught:
+        plan_campaign(specification(), rig, experiment_plan(specification()))
+    assert caught.value.field == "rig"
+    assert f"states an actuator_speed of {speed:g} " in str(caught.value)
+
+
+def test_the_speed_that_a_rig_states_reaches_the_core():
+    rig = description()
+    rig.drives[1].actuator_speed = 2.5
+    assert plan_campaign(specification(), rig, experiment_plan(specification())).limits.actuator_speed.tolist() == [
+        0.0,
+        2.5,
+    ]
+
+
 def test_a_rig_with_fewer_responses_than_drives_is_refused():
     rig = description()
     del rig.responses[1]

@@ -119,6 +119,14 @@ def plan_campaign(
             "Time Waveform Replication needs at least as many responses as drives.",
             field="rig",
         )
+    for channel in description.drives:
+        if not 0.0 <= channel.actuator_speed < np.inf:
+            raise FaultError(
+                query_pb2.FAULT_CODE_FAILED_PRECONDITION,
+                f"The rig {spec.rig!r} states an actuator_speed of {channel.actuator_speed:g} {channel.unit}/s for "
+                f"{channel.name}; it must be finite, and 0 where it is not known: correct the rig's description.",
+                field="rig",
+            )
     target = _checked_target(spec, description)
     _check_experiment(spec, experiment)
     band = _checked_band(spec, description, experiment, samples=target.shape[1])
