@@ -41,14 +41,7 @@ from iterator.playbacks import (
     playable_drive,
     require_within_bounds,
 )
-from iterator.updates import (
-    NextDrive,
-    Update,
-    chosen_update,
-    own_update,
-    stated_rate_limits,
-    whole_model,
-)
+from iterator.updates import NextDrive, Update, chosen_update, own_update, stated_rate_limits, whole_model
 
 Play = Callable[[NDArray[np.float64]], ArrayLike]
 """Function that plays a drive, shape (n_u, samples), and returns the measured response, shape (n_y, samples)."""
