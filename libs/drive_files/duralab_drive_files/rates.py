@@ -41,7 +41,7 @@ def sampled_at(samples: np.ndarray, rate: float, instants: np.ndarray, *, new_ra
     for begin in range(0, len(places), _CHUNK):
         piece = places[begin : begin + _CHUNK]
         whole = np.floor(piece).astype(np.int64)
-        # At most rates only some places between two samples recur, and their weights with them.
+        # At usual rates only a few places between two samples occur: their weights are computed once.
         between, recurring = np.unique(np.round(piece - whole, _PLACE_DECIMALS), return_inverse=True)
         distance = taps[None, :] - between[:, None]
         shape = np.sqrt(np.clip(1.0 - (distance / half) ** 2, 0.0, None))

@@ -26,7 +26,7 @@ from duralab_spectra import as_record
 _SAME_FREQUENCY: Final = 1e-9
 
 Adjust = Callable[[int, NDArray[np.float64]], NDArray[np.float64]]
-"""Function of a drive's index and its samples that returns other samples: those to play, or those that are moved."""
+"""Function of a drive's index and its samples that returns other samples: to play, or that the actuator follows."""
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,8 @@ class DriveMap:
     highest_frequency : float
         Upper end of the identified band, Hz; above 0 and at most 0.45 of the sample rate, so that the fade has room.
     moved : callable, optional
-        Called with each drive in a product; `π_j` is of the returned samples, as where an actuator does not follow its
-        drive. It is not part of a stored map.
+        Called with each drive of a product, which is then formed from the returned samples: the motion of an actuator
+        that does not follow its drive. It is not part of a stored map.
 
     Raises
     ------

@@ -99,7 +99,7 @@ def _not_reproduced(iteration: Iteration, plan: CampaignPlan) -> list[str]:
 
 
 def _rate_limits(iteration: Iteration, plan: CampaignPlan) -> list[str]:
-    """Return a remark on each actuator that had a rate limit in the playbacks before which the rig does not state."""
+    """Return a remark on each rate limit that was found in the playbacks before, unless the rig states them."""
     if iteration.model.stated_rate_limits:
         return []
     return [

@@ -81,7 +81,7 @@ def fitting_map(
 ) -> DriveMap | None:
     """Return a drive map that fits model and limits, or None for the identity.
 
-    Its products are of what actuators move whose speed the rig states.
+    Where the rig states the speed of an actuator, drives that follow it follow its motion.
     """
     if drive_map is None:
         return None

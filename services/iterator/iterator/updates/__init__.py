@@ -6,7 +6,7 @@ from iterator.updates.by_kind import UPDATES, chosen_update
 from iterator.updates.convergence_prediction import ConvergencePrediction, predict_convergence
 from iterator.updates.known_before import learned_before
 from iterator.updates.plugins import plugin_update
-from iterator.updates.rate_limits import RateLimits, stated_rate_limits
+from iterator.updates.rate_limits import stated_rate_limits
 from iterator.updates.segment_acceptance import AcceptanceSettings, AcceptedIterate, accept_segments
 from iterator.updates.settings import (
     NextDrive,
@@ -23,7 +23,6 @@ __all__ = [
     "AcceptedIterate",
     "ConvergencePrediction",
     "NextDrive",
-    "RateLimits",
     "StepStart",
     "Update",
     "UpdateSettings",
