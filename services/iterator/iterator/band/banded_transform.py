@@ -29,14 +29,16 @@ class BandedTransform:
         spacing = sample_rate / length
         lines: NDArray[np.float64] = np.arange(length // 2 + 1, dtype=np.float64) * spacing
         start, stop = (int(line) for line in np.searchsorted(lines, (lowest, highest)))
-        self._inside = slice(start, stop)
+        self.inside: Final = slice(start, stop)
+        """Lines in the band, of all lines of a transform."""
+        self.length: Final = length
         self._phases = next(phases for phases in _PHASES if _fit(phases, length=length, stop=stop))
         self._phase_length = length // self._phases
         self._turn = np.exp((-2j * np.pi / length) * np.arange(start, stop))
         self._turn_back = self._turn.conj()
         self._padded = np.zeros((self._phases, self._phase_length))
         self._whole = np.zeros((self._phases, self._phase_length // 2 + 1), dtype=np.complex128)
-        self.frequency: NDArray[np.float64] = lines[self._inside]
+        self.frequency: NDArray[np.float64] = lines[self.inside]
         """Frequencies of the lines in the band, Hz: ndarray, shape (lines,)."""
 
     def lines(self, samples: NDArray[np.float64], *, weight: NDArray[np.float64], out: NDArray[np.complex128]) -> None:
@@ -44,7 +46,7 @@ class BandedTransform:
         for phase, row in enumerate(self._padded):
             every = samples[phase :: self._phases]
             row[: every.size] = every
-        of_phases = cast(NDArray[np.complex128], fft.rfft(self._padded, axis=1))[:, self._inside]
+        of_phases = cast(NDArray[np.complex128], fft.rfft(self._padded, axis=1))[:, self.inside]
         out[:] = of_phases[-1]
         for of_phase in of_phases[-2::-1]:
             out *= self._turn
@@ -53,7 +55,7 @@ class BandedTransform:
 
     def samples(self, lines: NDArray[np.complex128], *, out: NDArray[np.float64]) -> None:
         """Compute the samples of one channel from its lines; lines outside the band are 0."""
-        inside = self._whole[:, self._inside]
+        inside = self._whole[:, self.inside]
         np.multiply(lines, 1.0 / self._phases, out=inside[0])
         for before, phase in pairwise(inside):
             np.multiply(before, self._turn_back, out=phase)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from math import ceil
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
-from iterator.band import ControlBand
+from iterator.band import ControlBand, LowerRate
 from iterator.model import InterpolatedMatrix, RigModel, gram_and_ridge
 
 _TURNS: Final = 2
@@ -54,21 +52,15 @@ class StepProblem:
         self._weight, self._scale, self._terms = response_weight, drive_scale, model.terms
         self.frequency: NDArray[np.float64] = self._transform.frequency
         """Frequencies of the lines in the band, Hz: ndarray, shape (lines,)."""
-        length = band.transform_samples(samples)
-        first = round(float(self.frequency[0]) * length / band.sample_rate)
-        self._inside = slice(first, first + self.frequency.size)
-        self._short = min(length, 2 * cast(int, fft.next_fast_len(ceil(_OVERSAMPLING * self._inside.stop))))
-        self._rate_share = self._short / length
-        whole = cast(NDArray[np.complex128], fft.rfft(drive / drive_scale[:, None], length, axis=1))
-        self._drive = self._rate_share * cast(
-            NDArray[np.float64], fft.irfft(whole[:, : self._short // 2 + 1], self._short, axis=1)
-        )
+        lower = LowerRate(self._transform, oversampling=_OVERSAMPLING)
+        self._in_time, self._in_lines = lower.in_time, lower.in_lines
+        self._drive = lower.record(drive / drive_scale[:, None])
         linear = frf * response_weight[:, None] * drive_scale
         # Terms of scaled drives are scaled by the drives' scale to their power.
         powers = np.concatenate([drive_scale**term.degree for term in model.terms])
         of_terms = model.term_frf[lines] * response_weight[:, None] * powers
         nothing = np.zeros((n_u, self.frequency.size), dtype=np.complex128)
-        played = max(1, int(samples * self._rate_share))
+        played = max(1, int(samples * lower.share))
         slopes = [np.diag(np.mean(slope[:, :played], axis=1)) for slope in self.slopes(nothing)]
         tangent = linear + np.matmul(of_terms, np.concatenate(slopes))
         # The uncertainty refers to terms that are not scaled.
@@ -135,15 +127,6 @@ class StepProblem:
         for lines, row in zip(step, result, strict=True):
             self._transform.samples(lines, out=row)
         return result * self._scale[:, None]
-
-    def _in_time(self, lines: NDArray[np.complex128]) -> NDArray[np.float64]:
-        whole = np.zeros((lines.shape[0], self._short // 2 + 1), dtype=np.complex128)
-        whole[:, self._inside] = self._rate_share * lines
-        return cast(NDArray[np.float64], fft.irfft(whole, self._short, axis=1))
-
-    def _in_lines(self, samples: NDArray[np.float64]) -> NDArray[np.complex128]:
-        whole = cast(NDArray[np.complex128], fft.rfft(samples, axis=1))
-        return whole[:, self._inside] / self._rate_share
 
 
 def gauss_newton_step(

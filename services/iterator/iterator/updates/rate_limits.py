@@ -8,15 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from math import ceil
-from typing import Final, cast
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import fft
 
 from duralab_spectra import rms
-from iterator.band import ControlBand
+from iterator.band import ControlBand, LowerRate
 from iterator.limits import DriveLimits
 from iterator.model import (
     InterpolatedMatrix,
@@ -139,13 +137,13 @@ def find_rate_limits(
         return fitted.known
     rig = fitted.scaled(history.target.shape[1])
     speed = RateLimit(rig.corner, 1.0).motion(rig.frequency)
-    speeds = np.abs(rig.in_time(speed * rig.lines(start.drive / rig.drive_scale[:, None])))
-    followed = _FOLLOWED * speeds[:, rig.at_lower_rate(~large)].max(axis=1)
+    speeds = np.abs(rig.lower.in_time(speed * rig.lines(start.drive / rig.drive_scale[:, None])))
+    followed = _FOLLOWED * speeds[:, rig.lower.mask(~large)].max(axis=1)
     known = [
         limit if limit is not None and limit.rate >= least else None
         for limit, least in zip(fitted.known, followed * rig.drive_scale, strict=True)
     ]
-    return _found(rig, history, known, where=rig.at_lower_rate(large), followed=followed)
+    return _found(rig, history, known, where=rig.lower.mask(large), followed=followed)
 
 
 def drive_within_rate_limits(
@@ -210,12 +208,8 @@ class _ScaledRig:
         self.at = np.clip(self.frequency, frequency[0], frequency[-1])
         self.mask = band.drive_mask(self.frequency)
         self.corner = _CORNER * band.highest
-        length = band.transform_samples(samples)
-        first = round(float(self.frequency[0]) * length / band.sample_rate)
-        self._inside = slice(first, first + self.frequency.size)
-        self.short = min(length, 2 * cast(int, fft.next_fast_len(ceil(_OVERSAMPLING * self._inside.stop))))
-        self._share = self.short / length
-        self.sample_rate = band.sample_rate * self._share
+        self.lower = LowerRate(self.transform, oversampling=_OVERSAMPLING)
+        self.sample_rate = band.sample_rate * self.lower.share
         self.response = self._interpolated(frf)
         self.adjoint = self._interpolated(frf.conj().transpose(0, 2, 1))
         power = np.sum(np.abs(frf) ** 2, axis=1)[:, :, None].astype(np.complex128)
@@ -237,23 +231,6 @@ class _ScaledRig:
             self.transform.lines(row, weight=everywhere, out=out)
         return lines
 
-    def in_time(self, lines: NDArray[np.complex128]) -> NDArray[np.float64]:
-        """Return lines as samples at the lower rate, with those after the record."""
-        whole = np.zeros((lines.shape[0], self.short // 2 + 1), dtype=np.complex128)
-        whole[:, self._inside] = self._share * lines
-        return cast(NDArray[np.float64], fft.irfft(whole, self.short, axis=1))
-
-    def in_lines(self, samples: NDArray[np.float64]) -> NDArray[np.complex128]:
-        """Return samples at the lower rate as lines."""
-        whole = cast(NDArray[np.complex128], fft.rfft(samples, self.short, axis=1))
-        return whole[:, self._inside] / self._share
-
-    def at_lower_rate(self, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Return a mask of samples at the lower rate; False after the record."""
-        result = np.zeros(self.short, dtype=np.bool_)
-        result[(np.flatnonzero(where) * self._share).astype(np.intp)] = True
-        return result
-
 
 @dataclass(frozen=True)
 class _Missing:
@@ -270,9 +247,9 @@ class _Missing:
 
     def lines(self, rig: _ScaledRig) -> NDArray[np.complex128]:
         """Return them as lines."""
-        samples = np.zeros((1, rig.short))
+        samples = np.zeros((1, rig.lower.samples))
         samples[0, self.at] = self.values
-        return np.asarray(rig.in_lines(samples)[0] * rig.mask, dtype=np.complex128)
+        return np.asarray(rig.lower.in_lines(samples)[0] * rig.mask, dtype=np.complex128)
 
 
 @dataclass(frozen=True)
@@ -367,7 +344,7 @@ class _LastSteps:
             of_drives = np.zeros((rig.drive_scale.size, rig.frequency.size), dtype=np.complex128)
             of_drives[drive] = missing.lines(rig)
             predicted[number] = rig.response.times(of_drives)
-            in_time, lacks = rig.in_time(predicted[number]), rig.in_time(self._lacking[number])
+            in_time, lacks = rig.lower.in_time(predicted[number]), rig.lower.in_time(self._lacking[number])
             around = np.convolve(np.sum(in_time**2, axis=0), np.ones(width), "same")
             common += float(np.sum(in_time * lacks))
             own += float(np.sum(in_time**2))
@@ -386,9 +363,9 @@ def _limits_to_try(
     """Return limits of one drive, given as lines of each playback, from the largest."""
     # The rates of all playbacks where limits are looked for.
     asked = RateLimit(rig.corner, 1.0).motion(rig.frequency)
-    rates = np.abs(rig.in_time(asked * np.stack(drive))[:, where]).max(axis=1)
+    rates = np.abs(rig.lower.in_time(asked * np.stack(drive))[:, where]).max(axis=1)
     largest, smallest = float(rates.max()), float(rates[rates > 0.0].min(initial=np.inf))
-    in_time = rig.in_time(np.stack(drive))
+    in_time = rig.lower.in_time(np.stack(drive))
     tried: list[_Tried] = []
     rate = _FIRST_RATE * largest
     while rate > max(_LAST_RATE * smallest, _LEAST_RATE * largest, least):
@@ -418,14 +395,14 @@ def _held(
     multipliers* (2011).
     """
     rig = fitted.scaled(drive.shape[1])
-    where = rig.at_lower_rate(large)
+    where = rig.lower.mask(large)
     limited = np.flatnonzero([limit is not None for limit in limits])
     speeds, known_speeds = (
         rig.drive_scale[limited, None] * np.stack([limit.motion(frequency) for limit in limits if limit is not None])
         for frequency in (rig.frequency, rig.known)
     )
     asked, before = (
-        rig.in_time(speeds * rig.lines(record[limited] / rig.drive_scale[limited, None]))
+        rig.lower.in_time(speeds * rig.lines(record[limited] / rig.drive_scale[limited, None]))
         for record in (drive, moved_from)
     )
     # The motion at the start holds the limits, but not the part of it that is in the band: as much is allowed.
@@ -443,8 +420,8 @@ def _held(
     allowed, price = np.clip(asked, -most, most), np.zeros_like(asked)
     change = np.zeros((limited.size, rig.frequency.size), dtype=np.complex128)
     for _ in range(_ROUNDS):
-        change = -solution.times(weight * speeds.conj() * rig.in_lines(asked - allowed + price)) * rig.mask
-        reached = asked + rig.in_time(speeds * change)
+        change = -solution.times(weight * speeds.conj() * rig.lower.in_lines(asked - allowed + price)) * rig.mask
+        reached = asked + rig.lower.in_time(speeds * change)
         allowed = np.clip(reached + price, -most, most)
         price += reached - allowed
     held = drive.copy()
