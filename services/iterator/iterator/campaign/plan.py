@@ -43,8 +43,8 @@ _ROUNDING: Final = 1e-9
 _LARGEST_TARGET: Final = 1e12
 # A smaller share of the target's energy outside the control band is not reported.
 _TOLD_SHARE: Final = 0.01
-# Largest padding of a record that is shorter than its padding: 134 MB per channel.
-_MOST_RINGING: Final = 2**24
+# Largest padding of a record that is shorter than its padding: 42 MB per channel.
+_MOST_RINGING: Final = 5 * 2**20
 
 _S = TypeVar("_S", bound=BaseModel)
 
