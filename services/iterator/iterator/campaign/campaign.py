@@ -50,6 +50,7 @@ from iterator.campaign.specimen_cost import (
     identification_damage,
     identification_remarks,
     require_budget,
+    require_damage_bound,
 )
 from iterator.campaign.status_board import CampaignBoard
 from iterator.holds import ProposedPlayback, Revision
@@ -203,6 +204,7 @@ class Campaign:
             if not plan.spec.known.HasField("model"):
                 self._board.add_remarks(identification_remarks(spent_before, plan=plan))
             if not recorded:
+                require_damage_bound(spent_before, plan=plan)
                 require_budget(spent_before, plan=plan)
         iterations = iterate(
             self._play,
@@ -314,8 +316,9 @@ class Campaign:
 
     def _go_on_after(self, model: identifier_pb2.Model) -> None:
         """Store the copied steps and the missing RunPlayed steps of the earlier attempt."""
-        before = self._before
-        with self._doing("reading back what was done", phase=iterator_pb2.CAMPAIGN_PHASE_ITERATING):
+        before, identifying = self._before, iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING
+        phase = identifying if self._lacks_experiment(model) else iterator_pb2.CAMPAIGN_PHASE_ITERATING
+        with self._doing("reading back what was done", phase=phase):
             self._journal.info("The campaign goes on.", playbacks=len(before.iterations), parent=self._plan.spec.parent)
             for message in before.copies:
                 self._log.commit(message)
@@ -340,7 +343,7 @@ class Campaign:
                 run = self._playback.announce(identification_run(spec), purpose="identification")
                 request = identification_request(spec, run=run, check_only=False, map_weight=plan.map_weight)
                 model = self._experiment(request, self._follower(activity, to=share))
-        if spec.HasField("at_target") and not known and not model.shaped_by:
+        if self._lacks_experiment(model):
             activity = f"identifying {self.rig} at the target"
             with self._doing(activity, phase=iterator_pb2.CAMPAIGN_PHASE_IDENTIFYING, share=share):
                 run = self._playback.announce(run_at_target(spec), purpose="identification at the target")
@@ -351,6 +354,11 @@ class Campaign:
         else:
             self._estimate.step_was_done()
         return model
+
+    def _lacks_experiment(self, model: identifier_pb2.Model) -> bool:
+        """Return whether the experiment at the target is still to come after a model."""
+        spec = self._plan.spec
+        return spec.HasField("at_target") and not spec.known.HasField("model") and not model.shaped_by
 
     def _experiment(
         self, request: identifier_pb2.IdentifyRequest, on_progress: Callable[[query_pb2.Progress], None]
