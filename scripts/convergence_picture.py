@@ -43,26 +43,34 @@ def main() -> None:
         for step in range(1, FRAMES_BETWEEN + 1):
             share = step / FRAMES_BETWEEN
             response = (1.0 - share) * responses[playback - 1] + share * responses[playback]
-            frames.append(_frame(time, target.values, response, errors[:playback], asked.channel))
+            frames.append(_frame(time, target.values, response, errors, asked.channel, playback=playback))
             durations.append(STEP_MILLISECONDS)
         durations[-1] = HOLD_MILLISECONDS
     durations[-1] = 3 * HOLD_MILLISECONDS
     frames[0].save(asked.out, save_all=True, append_images=frames[1:], duration=durations, loop=0, quality=60, method=2)
 
 
-def _frame(time: np.ndarray, target: np.ndarray, response: np.ndarray, errors: np.ndarray, channel: str) -> Image.Image:
-    """Draw one frame: signals on the left, error of each playback on the right."""
+def _frame(
+    time: np.ndarray, target: np.ndarray, response: np.ndarray, errors: np.ndarray, channel: str, *, playback: int
+) -> Image.Image:
+    """Draw one frame: signals on the left, error of each playback until now on the right."""
     with mpl.rc_context({"font.size": 10, "axes.spines.top": False, "axes.spines.right": False}):
         figure = Figure(figsize=(9.0, 3.4), dpi=100, layout="constrained")
         left, right = figure.subplots(1, 2, width_ratios=(2.6, 1))
         left.plot(time, target / 1e3, color=GREY, linewidth=3.5, label="target")
-        left.plot(time, response / 1e3, color=BLUE, linewidth=1.3, label=f"response, playback {errors.size}")
+        left.plot(time, response / 1e3, color=BLUE, linewidth=1.3, label=f"response, playback {playback}")
         largest = 1.45 * np.abs(target).max() / 1e3
         left.set(xlabel="time in s", ylabel=f"{channel.replace('_', ' ')} force in kN", ylim=(-largest, largest))
         left.legend(loc="upper right", frameon=False, ncols=2)
-        right.bar(np.arange(1, errors.size + 1), 100.0 * errors, color=ORANGE)
-        right.set(xlabel="playback", ylabel="relative RMS error in %", xlim=(0.3, 7.7), ylim=(0.0, 150.0))
-        right.set_title(f"{100.0 * errors[-1]:.0f} %", color=ORANGE)
+        right.bar(np.arange(1, playback + 1), 100.0 * errors[:playback], color=ORANGE)
+        right.set(
+            xlabel="playback",
+            ylabel="relative RMS error in %",
+            xlim=(0.3, errors.size + 0.7),
+            ylim=(0.0, 110.0 * errors.max()),
+            xticks=np.arange(1, errors.size + 1),
+        )
+        right.set_title(f"{100.0 * errors[playback - 1]:.1f} %", color=ORANGE)
         content = io.BytesIO()
         figure.savefig(content, format="png")
     return Image.open(content).convert("RGB")
