@@ -411,8 +411,8 @@ class StopCriteria(Section):
     )
     damage_bound: Annotated[Bound | None, Wire(zero=250.0, none=inf)] = Field(
         default=250.0,
-        description="Bound on a channel's damage over the target's, at damage_exponent: in one playback, or in an "
-        "identification with at_target; null: no bound.",
+        description="Bound on a channel's damage in one playback over the target's, at damage_exponent; null: "
+        "no bound.",
     )
     smallest_improvement: float = Field(
         default=0.0, ge=0, lt=1, description="End when the last playbacks did not lower the best error by this share."

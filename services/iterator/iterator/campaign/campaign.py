@@ -50,7 +50,6 @@ from iterator.campaign.specimen_cost import (
     identification_damage,
     identification_remarks,
     require_budget,
-    require_damage_bound,
 )
 from iterator.campaign.status_board import CampaignBoard
 from iterator.holds import ProposedPlayback, Revision
@@ -204,7 +203,6 @@ class Campaign:
             if not plan.spec.known.HasField("model"):
                 self._board.add_remarks(identification_remarks(spent_before, plan=plan))
             if not recorded:
-                require_damage_bound(spent_before, plan=plan)
                 require_budget(spent_before, plan=plan)
         iterations = iterate(
             self._play,

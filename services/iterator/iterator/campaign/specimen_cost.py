@@ -80,28 +80,6 @@ def require_budget(damage: NDArray[np.float64] | None, *, plan: CampaignPlan) ->
         )
 
 
-def require_damage_bound(damage: NDArray[np.float64] | None, *, plan: CampaignPlan) -> None:
-    """Refuse the first playback if an identification with an experiment at the target passed the bound of a playback.
-
-    A person chooses the levels of the other experiments; a model predicts what this one does.
-
-    `damage`: From `identification_damage`. `plan`: Plan of the campaign.
-    Raises `FaultError`: FAILED_PRECONDITION if it did more damage than a playback may.
-    """
-    bound = plan.settings.stop.damage_bound
-    if damage is None or bound is None or not plan.spec.HasField("at_target"):
-        return
-    row, value = _most(damage[:, _column(plan)], plan)
-    if value > bound:
-        raise FaultError(
-            query_pb2.FAULT_CODE_FAILED_PRECONDITION,
-            f"The identification did {_passes(value)} the target's damage (k = {_exponent(plan)}) in "
-            f"{plan.description.responses[row].name}, past stop.damage_bound of {bound:g}: look at the model of its "
-            "first experiment, lower excitation.at_target.level, or allow more.",
-            field="stop.damage_bound",
-        )
-
-
 def budget_remarks(outcome: Outcome | None, metrics: tuple[IterationMetrics, ...], *, plan: CampaignPlan) -> list[str]:
     """Return a remark on the spent damage if the damage budget ended the iteration."""
     if outcome is not Outcome.DAMAGE_BUDGET_USED:

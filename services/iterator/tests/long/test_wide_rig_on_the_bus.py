@@ -6,7 +6,7 @@ import pytest
 from duralab_bus import FaultError
 from duralab_loads import channel_damage
 from duralab_proto.arrays import from_array, from_record, to_array
-from duralab_proto.v1 import identifier_pb2, iterator_pb2, query_pb2, recorder_pb2
+from duralab_proto.v1 import iterator_pb2, query_pb2, recorder_pb2
 from duralab_spectra import line_frequencies, rms
 from iterator import control_band
 from iterator.campaign import seeds
@@ -163,23 +163,6 @@ def test_an_identification_that_used_up_the_damage_budget_is_followed_by_no_play
     assert (final.phase, final.fault.field) == (FAULTED, "stop.damage_budget")
     assert "leaves no room for a playback in stop.damage_budget of 2.5" in final.fault.message
     assert "IterationStep" not in lab.recorder.kinds("overspent")
-
-
-def test_an_experiment_at_the_target_that_did_more_damage_than_a_playback_may_is_followed_by_none(lab):
-    for id, bound in (("past", 20.0), ("within", 25.0)):
-        spec = specification(id, iterations=1)
-        spec.excitation.kind = identifier_pb2.EXCITATION_KIND_RANDOM_ORTHOGONAL
-        spec.at_target.level, spec.at_target.duration = 0.5, 30.0
-        spec.stop.damage_bound = bound
-        costly(lab, spec, 0.25, 22.0, 0.0)
-        final = ended(lab, spec)
-        if bound > 22.0:
-            assert final.phase == FINISHED, final.fault.message
-            continue
-        assert (final.phase, final.fault.field) == (FAULTED, "stop.damage_bound")
-        assert "did 22 times the target's damage (k = 5) in" in final.fault.message
-        assert "past stop.damage_bound of 20: look at the model of its first experiment" in final.fault.message
-        assert "IterationStep" not in lab.recorder.kinds(id)
 
 
 def test_a_damage_that_is_none_makes_no_campaign(lab):
