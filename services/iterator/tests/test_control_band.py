@@ -104,7 +104,7 @@ def test_an_impossible_band_is_refused(lowest, highest):
 @pytest.mark.parametrize("lowest", [0.25, 0.5, 5.0])
 def test_the_ringing_of_a_flank_decays_within_the_zeros_after_a_record(lowest):
     band = control_band(lowest=lowest, highest=40.0, sample_rate=200.0)
-    # Four times as long, so that nothing of the ringing wraps around into what is looked at.
+    # So long that next to nothing wraps around into what is looked at.
     length = 8 * band.ringing_samples
     frequency = np.fft.rfftfreq(length, 1.0 / band.sample_rate)
     for mask in (band.target_mask(frequency), band.drive_mask(frequency)):

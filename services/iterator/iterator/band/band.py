@@ -22,8 +22,8 @@ _UPPER_FLANK_SHARE: Final = 0.1
 _NARROWEST_SHARE: Final = 0.25
 # Room and flank are differences of edges, and are rounded.
 _ROUNDING: Final = 1e-9
-# Zeros after a record, in periods of the narrower flank, in which a flank's ringing decays to 2e-6 of its peak. With 16
-# periods and 2e-8, transforms for a target of 40 s in a band from 0.5 Hz were four times as long as the target.
+# Zeros after a record, in periods of the narrower flank, in which a flank's ringing decays to 3e-6 of its peak or less.
+# With 16 periods, transforms for a target of 40 s in a band from 0.5 Hz were four times as long as the target.
 _PADDING_PERIODS: Final = 5.0
 # Share of the sample rate. A narrower flank rings for more samples than any target has; half the smallest float is 0.
 _NARROWEST_FLANK: Final = 1e-9
