@@ -2,6 +2,7 @@
 
 import ctypes
 import ctypes.util
+import math
 import sys
 import weakref
 from dataclasses import dataclass
@@ -99,7 +100,7 @@ _ALIGNMENT = 64
 
 def aligned(shape: tuple[int, ...]) -> np.ndarray:
     """Return an uninitialised array that begins at a cache line."""
-    size = 8 * int(np.prod(shape))
+    size = 8 * math.prod(shape)
     memory = np.empty(size + _ALIGNMENT, dtype=np.uint8)
     offset = -memory.ctypes.data % _ALIGNMENT
     return memory[offset : offset + size].view(np.float64).reshape(shape)

@@ -190,7 +190,7 @@ class LaneModel(NamedModel):
                 states[run] = state[:count, lane][self._places]
             begin += played
             for run in live:
-                outside = self._states_outside(states[run], limits[run])
+                outside = () if status == COMPLETED else self._states_outside(states[run], limits[run])
                 if outside or begin == ends[run]:
                     # One part, which is not copied, unless other runs ended before.
                     whole = outputs[run][0] if len(outputs[run]) == 1 else np.hstack(outputs[run])

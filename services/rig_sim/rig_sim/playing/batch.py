@@ -32,7 +32,7 @@ from rig_sim.playing.player import Playback
 FEWEST_IN_LANES: Final = 3
 """Smallest number of rigs of one structure in lanes; two are as fast one after the other, with two sides in lanes."""
 
-BLOCKS_AT_ONCE: Final = 16
+BLOCKS_AT_ONCE: Final = 64
 """Number of blocks played at once: a batch has no subscriber, no bit depends on it, and each block costs some time."""
 
 

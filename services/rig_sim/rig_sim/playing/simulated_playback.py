@@ -29,6 +29,8 @@ class SimulatedPlayback(DrivePlayback):
             block_samples=block_samples,
         )
         self._noise = np.random.default_rng(seed)
+        # Memory for the numbers of a block, which is used again.
+        self._normal = np.empty((0, len(specimen.responses)))
         self._noise_rms = np.array([channel.noise_rms for channel in specimen.responses])
         channels = [channel.name for channel in specimen.responses]
         self._sensors = FaultySensors(faults, channels=channels, sample_rate=specimen.sample_rate, seed=seed)
@@ -36,9 +38,13 @@ class SimulatedPlayback(DrivePlayback):
     def _sensed(self, first_sample: int, response: np.ndarray) -> np.ndarray:
         """Return the sensor readings of a response (responses, samples)."""
         # One row of noise per sample: the same numbers for any division of the record into blocks.
-        noise = self._noise.standard_normal(response.shape[::-1])
-        noise *= self._noise_rms
-        return self._sensors.inject_faults(first_sample, response + noise.T)
+        samples = response.shape[1]
+        if len(self._normal) < samples:
+            self._normal = np.empty((samples, len(response)))
+        noise = self._noise.standard_normal(out=self._normal[:samples]).T
+        sensed = np.multiply(noise, self._noise_rms[:, None], order="C")
+        sensed += response
+        return self._sensors.inject_faults(first_sample, sensed)
 
 
 class FaultySensors:
