@@ -7,7 +7,15 @@ import yaml
 from pydantic import BaseModel
 
 import duralab
-from duralab.campaign import Campaign, load_campaign, parse_campaign, shipped_campaigns
+from duralab.campaign import (
+    Campaign,
+    is_project,
+    load_campaign,
+    load_identification,
+    load_project,
+    parse_campaign,
+    shipped_campaigns,
+)
 from duralab.errors import InputError
 
 CONTENT = {
@@ -267,3 +275,13 @@ def test_a_key_under_its_older_and_its_new_name_is_refused():
     content["update"] |= {"gain": 0.5}
     with pytest.raises(InputError, match=r"^x: update.gain and update.iteration_gain are one setting"):
         parse_campaign(yaml.safe_dump(content), name="x")
+
+
+def test_a_folder_with_the_name_of_a_shipped_campaign_does_not_hide_it(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for name in ("front_axle_demo", "front_axle_events"):
+        Path(name).mkdir()
+    assert load_campaign("front_axle_demo").name == "front_axle_demo"
+    assert load_identification("front_axle_demo").excitation == load_campaign("front_axle_demo").excitation
+    assert is_project("front_axle_events")
+    assert load_project("front_axle_events").name == "front_axle_events"

@@ -51,13 +51,13 @@ def written(folder: Path, *, seconds: float = 15.0, **changes: Any) -> Path:
 def controller_of(lab: duralab.Lab, map_path: Path, *, may_play: threading.Event | None = None) -> FileController:
     """A controller of the example's map; the noise of each run is that of its place in the row.
 
-    The third run, the campaign's second playback, is held back until it may be played.
+    The fourth run, the campaign's second playback, is held back until it may be played.
     """
     seeds = itertools.count()
 
     def play(drive: np.ndarray) -> np.ndarray:
         seed = next(seeds)
-        if seed == 2 and may_play is not None:
+        if seed == 3 and may_play is not None:
             assert may_play.wait(WAIT_SECONDS)
         return lab.play(SIMULATED, drive, seed=seed).response.samples
 
@@ -97,7 +97,7 @@ def through(lab, tmp_path_factory: pytest.TempPathFactory) -> tuple[np.ndarray, 
     ):
         result = lab.run(written(folder), out=folder / "out")
     runs = [name.partition(".")[2] for name in controller.played_runs]
-    assert runs == ["identify", "i01", "i02", "i03"]
+    assert runs == ["identify", "at_target", "i01", "i02", "i03"]
     return result.iterations.relative_rms_error, ended_drives(controller), runs
 
 
@@ -171,7 +171,7 @@ def test_the_example_ends_well_and_says_where_the_files_are(tmp_path: Path):
     )
     assert done.returncode == 0, done.stderr
     assert "Relative RMS error after each playback" in done.stdout
-    folder = re.search(r"6 drive files were played; they are in (.+)$", done.stdout, flags=re.M)
+    folder = re.search(r"7 drive files were played; they are in (.+)$", done.stdout, flags=re.M)
     assert folder is not None, done.stdout
     names = {path.name for path in Path(folder[1]).iterdir()}
     assert {f"file_exchange.i05.{suffix}" for suffix in ("drv", "html", "json", "rsp")} <= names

@@ -23,9 +23,11 @@ def test_a_car_is_replicated_by_displacement_and_force_control(tmp_path: Path):
     with duralab.start(tmp_path, rigs=plan.rigs) as lab:
         result = lab.run(shorter)
     errors = result.iterations.relative_rms_error
-    # A gain of 0.6 leaves 0.4^3 of what a linear model explains; friction and slip of the rubber leave more.
-    assert np.all(errors[-1] <= 0.45)
+    # Gains of 0.65, 0.8 and 1: what a linear model does not explain is friction and slip of the rubber.
+    assert np.all(errors[-1] <= 0.15)
     assert np.all(np.diff(errors, axis=0) < 0.0)
+    # 150 s, quiet at first, then at half of this target of 12 s: 45 passes of it. One loud experiment spends thousands.
+    assert np.all(result.iterations.identification_damage[:, 1] < 100.0)
 
 
 def test_another_suspension_takes_the_same_campaign(campaign, tmp_path: Path):

@@ -27,7 +27,8 @@ def load_identification(source: str | Path) -> IdentificationSettings:
     Raises `InputError`: There is no such file, it is not YAML, or a key or value in it is not allowed.
     """
     path = Path(source)
-    if not path.exists() and str(source) in shipped_campaigns():
+    # A folder may have the name, e.g. one with results.
+    if not path.is_file() and str(source) in shipped_campaigns():
         return _of_campaign(source)
     text = read_text(path, what="a file of settings")
     content = parse_mapping(text, name=str(path), what="it", keys=IdentificationSettings.model_fields)

@@ -51,7 +51,8 @@ def load_campaign(source: str | Path) -> Campaign:
             f"{', '.join(shipped_campaigns())}."
         )
     path = Path(source)
-    if not path.exists() and str(source) in shipped_campaigns():
+    # A folder may have the name, e.g. one with results.
+    if not path.is_file() and str(source) in shipped_campaigns():
         text = (files("duralab.campaign") / "shipped" / f"{source}{_SUFFIX}").read_text(encoding="utf-8")
         # A shipped file is not in a folder of the user: its paths are relative to the working directory.
         return parse_campaign(text, name=str(source), folder=Path())

@@ -79,7 +79,7 @@ def is_project(source: str | Path) -> bool:
     """Return whether a file is a project, i.e. has the key `events`, or a name is that of a shipped project."""
     path = Path(source)
     if not path.is_file():
-        return not path.exists() and str(source) in shipped_projects()
+        return str(source) in shipped_projects()
     try:
         content = parse_yaml(read_text(path, what="a campaign or a project"))
     except (YamlError, InputError):
@@ -106,7 +106,7 @@ def load_project(source: str | Path) -> Project:
         There is no such file, it is not YAML, or a key or value in it is not allowed.
     """
     path = Path(source)
-    if not path.exists() and str(source) in shipped_projects():
+    if not path.is_file() and str(source) in shipped_projects():
         text = (files("duralab.campaign") / "shipped_projects" / f"{source}.yaml").read_text(encoding="utf-8")
         return parse_project(text, name=str(source))
     return parse_project(read_text(path, what="a project"), name=str(path), folder=path.parent)

@@ -135,6 +135,22 @@ def test_a_wrong_value_is_refused_with_its_field_and_one_sentence(field, mistake
     assert str(caught.value).endswith(".")
 
 
+def test_an_experiment_at_the_target_needs_a_first_model_that_states_its_uncertainty():
+    spec = specification()
+    at_target(spec)
+    spec.estimator.kind = identifier_pb2.ESTIMATOR_KIND_H1
+    experiment = experiment_plan(spec)
+    experiment.realisations = 1
+    with pytest.raises(FaultError, match="one realisation, from which h1 cannot say") as caught:
+        plan_campaign(spec, description(), experiment)
+    assert caught.value.field == "at_target"
+    experiment.realisations = 2
+    plan_campaign(spec, description(), experiment)
+    experiment.realisations = 1
+    spec.estimator.kind = identifier_pb2.ESTIMATOR_KIND_LOCAL_POLYNOMIAL
+    plan_campaign(spec, description(), experiment)
+
+
 def test_a_sound_specification_becomes_a_plan():
     spec = specification()
     plan = plan_campaign(spec, description(), experiment_plan(spec))

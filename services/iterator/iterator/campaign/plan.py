@@ -18,6 +18,7 @@ from duralab_proto.v1 import array_pb2, identifier_pb2, iterator_pb2, query_pb2,
 from duralab_settings import (
     Acceptance,
     AtTarget,
+    EstimatorSettings,
     HoldPoint,
     HoldSettings,
     PlaybackSettings,
@@ -133,7 +134,7 @@ def plan_campaign(
     resolved = _settings(spec.update, ResolvedUpdate, field="update")
     plugin_remarks = checked_plugin(resolved)
     weight = _checked_weight(resolved, description)
-    _check_at_target(spec, description, controlled=weight > 0.0)
+    _check_at_target(spec, description, experiment, controlled=weight > 0.0)
     if band.lowest == 0.0:
         require_static_hold(spec, description=description, controlled=weight > 0.0)
     update = UpdateSettings.model_construct(band=band, **dict(resolved))
@@ -264,7 +265,11 @@ def _check_experiment(spec: iterator_pb2.CampaignSpec, experiment: identifier_pb
 
 
 def _check_at_target(
-    spec: iterator_pb2.CampaignSpec, description: rig_pb2.RigDescription, *, controlled: NDArray[np.bool_]
+    spec: iterator_pb2.CampaignSpec,
+    description: rig_pb2.RigDescription,
+    experiment: identifier_pb2.ExperimentPlan,
+    *,
+    controlled: NDArray[np.bool_],
 ) -> None:
     """Check the settings of the experiment at the target; the identifier has checked its length."""
     if not spec.HasField("at_target"):
@@ -281,6 +286,14 @@ def _check_at_target(
         raise invalid(
             f"The campaign controls {np.count_nonzero(controlled)} responses with {len(description.drives)} drives; an "
             "experiment at the target needs as many of both, so leave excitation.at_target out.",
+            field="at_target",
+        )
+    estimator = _settings(spec.estimator, EstimatorSettings, field="estimator").kind
+    if not (spec.known.HasField("model") or estimator.is_local or experiment.realisations > 1):
+        raise invalid(
+            f"The first experiment has one realisation, from which {estimator.value} cannot say how uncertain its "
+            "model is, and the experiment at the target needs that; make excitation.duration twice as long, or take "
+            "local_polynomial.",
             field="at_target",
         )
 
