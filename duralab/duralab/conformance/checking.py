@@ -142,7 +142,7 @@ MOVE_SECONDS = 2.0
 def check_rig(bus: Bus, rig: str, *, seconds: float = MOVE_SECONDS, tell: Tell | None = None) -> list[Finding]:
     """Check a rig on the bus against docs/contract.md; return one finding for each check, in order.
 
-    The rig is moved twice for `seconds`, by at most 5 % of its limits, stopped once and reset. A rig that is not idle
+    The rig is moved twice for `seconds`, by at most 1 % of its limits, stopped once and reset. A rig that is not idle
     is not moved. `tell` is called with each finding at once.
     """
     with closing(Bench(bus, rig, seconds=seconds)) as bench:

@@ -11,8 +11,8 @@ from duralab.conformance.bench import Bench, BreachError, NotTriedError, expect
 from duralab_bus import FaultError
 from duralab_proto.v1 import array_pb2, query_pb2, rig_pb2
 
-#: Largest share of each channel's limits and slew limit in a played drive.
-GENTLE = 0.05
+#: Largest share of each channel's limits and slew limit in a drive: 5 % pressed the stiff MacPherson axle with 24 kN.
+GENTLE = 0.01
 _FREQUENCY = 1.0
 
 

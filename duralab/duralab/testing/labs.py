@@ -90,7 +90,7 @@ def check_contract(
     Parameters
     ----------
     rig : Rig
-        Rig to check; it moves by 5 % of its limits, and is stopped once.
+        Rig to check; it moves by 1 % of its limits, and is stopped once.
     seconds : float
         Length of each of the two played drives, in s.
     approach : Approach

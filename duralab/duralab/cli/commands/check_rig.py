@@ -24,7 +24,7 @@ _STYLES = {"PASSED": "green", "FAILED": "bold red", "NOT_TRIED": "dim"}
 
 
 def check_rig(rig: RigName, endpoint: Connect = None, as_json: Json = False) -> None:
-    """Check that a rig keeps the contract; moves it by 5 % of its limits, twice for 2 s, stops and resets it."""
+    """Check that a rig keeps the contract; moves it by 1 % of its limits, twice for 2 s, stops and resets it."""
     from duralab.conformance import Outcome, all_passed
     from duralab.conformance import check_rig as check
     from duralab.lab import FIND_SECONDS, join_bus
