@@ -60,6 +60,8 @@ def experiment_plan(request):
     spectrum = request.excitation.spectrum
     return identifier_pb2.ExperimentPlan(
         duration_seconds=request.excitation.duration,
+        realisations=2,
+        experiments_per_realisation=2,
         frequency_resolution=SAMPLE_RATE / max(1, request.estimator.block_samples),
         lowest_frequency=spectrum.lowest_frequency,
         highest_frequency=spectrum.highest_frequency,

@@ -141,12 +141,12 @@ def test_an_experiment_at_the_target_needs_a_first_model_that_states_its_uncerta
     spec.estimator.kind = identifier_pb2.ESTIMATOR_KIND_H1
     experiment = experiment_plan(spec)
     experiment.realisations = 1
-    with pytest.raises(FaultError, match="one realisation, from which h1 cannot say") as caught:
+    with pytest.raises(FaultError, match="2 experiments for 2 drives, from which h1 cannot") as caught:
         plan_campaign(spec, description(), experiment)
     assert caught.value.field == "at_target"
-    experiment.realisations = 2
+    experiment.experiments_per_realisation = 3
     plan_campaign(spec, description(), experiment)
-    experiment.realisations = 1
+    experiment.experiments_per_realisation = 2
     spec.estimator.kind = identifier_pb2.ESTIMATOR_KIND_LOCAL_POLYNOMIAL
     plan_campaign(spec, description(), experiment)
 

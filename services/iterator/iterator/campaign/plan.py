@@ -289,11 +289,12 @@ def _check_at_target(
             field="at_target",
         )
     estimator = _settings(spec.estimator, EstimatorSettings, field="estimator").kind
-    if not (spec.known.HasField("model") or estimator.is_local or experiment.realisations > 1):
+    drives, experiments = len(description.drives), experiment.realisations * experiment.experiments_per_realisation
+    if not (spec.known.HasField("model") or estimator.is_local or experiments > drives):
         raise invalid(
-            f"The first experiment has one realisation, from which {estimator.value} cannot say how uncertain its "
-            "model is, and the experiment at the target needs that; make excitation.duration twice as long, or take "
-            "local_polynomial.",
+            f"The identification has {experiments} experiments for {drives} drives, from which {estimator.value} "
+            "cannot say how uncertain its model is, and the experiment at the target needs that; make "
+            "excitation.duration twice as long, or take local_polynomial.",
             field="at_target",
         )
 
