@@ -26,7 +26,7 @@ def test_a_car_is_replicated_by_displacement_and_force_control(tmp_path: Path):
     # Gains of 0.65, 0.8 and 1: what a linear model does not explain is friction and slip of the rubber.
     assert np.all(errors[-1] <= 0.15)
     assert np.all(np.diff(errors, axis=0) < 0.0)
-    # 150 s, quiet at first, then at half of this target of 12 s: 45 passes of it. One loud experiment spends thousands.
+    # 150 s, quiet at first, then at half of this target of 12 s: 45 passes of it.
     assert np.all(result.iterations.identification_damage[:, 1] < 100.0)
 
 

@@ -24,28 +24,21 @@ class UseMeter:
         self._drives = tuple(drives)
         # Rows of the player's inputs and outputs, one for each actuator, evaluated together.
         self._driven = _rows(drives.index(actuator.name) for actuator in actuators)
-        self._drives_all = isinstance(self._driven, slice) and self._driven == slice(0, len(self._drives), 1)
         self._achieved = _rows(outputs.index(actuator.achieved) for actuator in actuators)
         self._valve = _rows(outputs.index(f"{actuator.name}.valve_command") for actuator in actuators)
         self._load_pressure = _rows(outputs.index(f"{actuator.name}.load_pressure") for actuator in actuators)
-        # Several actuators share a supply: its row is read once.
-        supplies, self._supply_of = np.unique(
-            [outputs.index(f"{actuator.supply}.pressure") for actuator in actuators], return_inverse=True
-        )
-        self._supply_pressure = _rows(supplies)
+        self._supply_pressure = _rows(outputs.index(f"{actuator.supply}.pressure") for actuator in actuators)
         self._largest_opening = np.array([[actuator.valve.largest_opening] for actuator in actuators])
         self._count = len(actuators)
         self._saturated = np.zeros(self._count)
         self._following = np.zeros(self._count)
         self._load = np.zeros(self._count)
-        self._supply = np.full(supplies.size, np.inf)
+        self._supply = np.full(self._count, np.inf)
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
         self._samples_waiting = 0
 
     def following_error(self, commands: np.ndarray, outputs: np.ndarray) -> np.ndarray:
         """Return command minus achieved value."""
-        if self._drives_all:
-            return commands - outputs[self._achieved]
         error = np.zeros(commands.shape)
         if self._count:
             error[self._driven] = commands[self._driven] - outputs[self._achieved]
@@ -96,7 +89,7 @@ class UseMeter:
             if index is None:
                 uses.append(Use(drive=name, peak_command_ratio=peak, saturated_share=0.0, largest_following_error=0.0))
                 continue
-            supply = float(self._supply[self._supply_of[index]])
+            supply = float(self._supply[index])
             uses.append(
                 Use(
                     drive=name,
