@@ -87,12 +87,13 @@ _ARCTANGENT = (
 )
 
 
-def expanded(traced: TracedModel, *, wide: bool = False) -> TracedModel:
+def expanded(traced: TracedModel, *, roots_by_products: bool = False) -> TracedModel:
     """Return the model with every transcendental function written out.
 
-    `wide`: For vectors of four or eight doubles: divisions and roots take up to four times as long as of two.
+    `roots_by_products`: Without the root and the division of an inverse root: of four or eight doubles they may take
+    up to four times as long as of two.
     """
-    expansions = _EXPANSIONS | _WIDE_EXPANSIONS if wide else _EXPANSIONS
+    expansions = _EXPANSIONS | {Operation.INVERSE_SQRT: _root_by_products} if roots_by_products else _EXPANSIONS
 
     def written_out(graph: Graph, node: Expression, operands: list[Expression]) -> Expression:
         expansion = expansions.get(node.operation)
@@ -233,7 +234,6 @@ _EXPANSIONS: dict[Operation, Callable[..., Expression]] = {
     Operation.ASIN: _inverse_sine,
     Operation.INVERSE_SQRT: _one_over_root,
 }
-_WIDE_EXPANSIONS: dict[Operation, Callable[..., Expression]] = {Operation.INVERSE_SQRT: _root_by_products}
 
 
 def numbers_written_out() -> Iterator[float]:

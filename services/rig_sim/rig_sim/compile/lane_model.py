@@ -39,6 +39,10 @@ def widest_lanes() -> int:
     return 4 if features.get("avx2") and features.get("fma") else 1
 
 
+#: Processors, as LLVM calls them, on which roots and divisions of vectors were measured to be faster than products.
+_FAST_DIVIDERS: Final = frozenset({"znver5"})
+
+
 @dataclass(frozen=True)
 class PlannedVariants:
     """United variants, ready to be written; `mirrored` has both sides of a rig in one vector, if it has two."""
@@ -50,7 +54,7 @@ class PlannedVariants:
     @classmethod
     def of(cls, variants: Variants) -> PlannedVariants:
         """Plan how the variants are computed; it depends on no value."""
-        traced = expanded(variants.traced, wide=True)
+        traced = expanded(variants.traced, roots_by_products=llvm.get_host_cpu_name() not in _FAST_DIVIDERS)
         constants = _leaves(traced, variants)
         mirrored = mirrored_model(traced, constants)
         if mirrored is None:
