@@ -20,6 +20,7 @@ from duralab.campaign.project_file import (
     shipped_projects,
 )
 from duralab.campaign.resume_settings import PartialSettings, completed, decision_settings, load_settings
+from duralab.campaign.rig_experiment import PulseLevels, levels_by_pulses
 from duralab.campaign.specification import (
     acceptance_message,
     build_specification,
@@ -86,6 +87,7 @@ __all__ = [
     "MeasuredRoad",
     "PartialSettings",
     "Project",
+    "PulseLevels",
     "RemoveDrift",
     "RemoveMean",
     "Resample",
@@ -112,6 +114,7 @@ __all__ = [
     "is_project",
     "judge",
     "judged_rows",
+    "levels_by_pulses",
     "load_campaign",
     "load_identification",
     "load_import_settings",

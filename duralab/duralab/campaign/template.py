@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Final
 
 from duralab.campaign.loading import parse_campaign, shipped_campaigns
-from duralab.campaign.rig_experiment import plain, rig_comment, with_experiment
+from duralab.campaign.rig_experiment import PulseLevels, plain, rig_comment, with_experiment
 from duralab.data import Rig, Signals
 from duralab.errors import InputError
 
@@ -57,13 +57,20 @@ def template_for(rig: str) -> str:
     return next((name for name in (DEFAULT_TEMPLATE, *fitting) if name in fitting), DEFAULT_TEMPLATE)
 
 
-def campaign_text(template: str, *, path: Path, rig: Rig | None = None, target: str | None = None) -> str:
+def campaign_text(
+    template: str,
+    *,
+    path: Path,
+    rig: Rig | None = None,
+    target: str | None = None,
+    levels: PulseLevels | None = None,
+) -> str:
     """Return the text of a campaign file, checked.
 
     `template`: Shipped campaign to start from. `path`: Path of the file, which names the campaign. `rig`: Rig; the
     shipped campaign's if not given. For another rig, the experiment is made for its drives and its sample rate, and
     without `target` the file names a target file that the user must still add. `target`: Section `target`, from
-    `measured_target`.
+    `measured_target`. `levels`: Levels of the experiment, for the rig that is given.
     Returns: YAML text that `parse_campaign` accepts, with its comments.
     Raises `InputError`: There is no such shipped campaign, or the rig does not describe the limits that an experiment
     needs.
@@ -78,8 +85,9 @@ def campaign_text(template: str, *, path: Path, rig: Rig | None = None, target: 
     if rig is not None:
         other = rig.name != parse_campaign(text, name=str(path)).rig
         text = _RIG.sub(lambda _: f"{rig_comment(rig)}rig: {rig.name}\n", text, count=1)
-        if other:
-            text = with_experiment(text, rig)
+        if other or levels is not None:
+            # The levels are for its spectrum: others spend hundreds of passes of a target.
+            text = with_experiment(text, rig, levels=levels)
             target = target or awaited_target(rig)
     if target is not None:
         text = _TARGET.sub(lambda _: target + "\n", text, count=1)

@@ -174,7 +174,7 @@ def test_for_a_rig_that_is_not_shipped_the_experiment_follows_from_its_descripti
 def test_the_rate_of_the_experiment_is_well_below_the_rate_limit():
     """The identifier's own multisine of this spectrum and RMS: its largest rate is about half of what is allowed."""
     channel = replace(BEAM.drives[0], minimum=-10.0, maximum=10.0)
-    level = level_of(channel, BEAM, highest=45.0, corner=1.0)
+    level = level_of(channel, replace(BEAM, sample_rate=1000.0), largest_share=0.01)
     generator, time = np.random.default_rng(5), np.arange(20_000) / 1000.0
     frequency = np.arange(0.4, 45.0, 0.05)
     amplitude = np.minimum(1.0, 1.0 / frequency)

@@ -2,6 +2,7 @@
 
 import json
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from test_command_line import invoke
 import duralab
 from duralab.campaign import parse_campaign
 from duralab.errors import InputError, NotReadyError
+from duralab.formats import read_signals, write_signals
 from duralab.lab import Result
 from duralab.testing import LinearRig, lab
 
@@ -129,6 +131,64 @@ def test_the_command_prints_tables_and_verdict_and_ends_with_1_where_it_did_not_
     assert document["findings"][0]["channels"] == ["force_2"]
     assert [response["name"] for response in document["responses"]] == list(NAMES)
     assert invoke(*to_it, "--level", 0.5)[0] == 2
+
+
+@pytest.fixture(scope="module")
+def target(tried, tmp_path_factory):
+    """Write the response to a random drive of 1 mm RMS as a measured file."""
+    rig, _ = tried
+    drive = 0.001 * np.random.default_rng(3).standard_normal((2, 20_000))
+    channels = tuple(duralab.Channel(name, "N") for name in NAMES)
+    path = tmp_path_factory.mktemp("target") / "road.csv"
+    write_signals(duralab.Signals(channels, 1000.0, rig.respond(drive, seed=9)), path)
+    return path
+
+
+def test_the_levels_of_an_identification_follow_from_its_pulses_and_the_target(tried, target, tmp_path):
+    rig, started = tried
+    started.pre_test("linear", id="for-levels", level=0.01, seed=6)
+    pulses = started.out / "recordings" / "for-levels.mcap"
+    to_it = ("--rig", "linear", "--target", target, "--connect", started.endpoints[0])
+    code, _, stderr = invoke("init", tmp_path / "mine.yaml", *to_it, "--pre-test", pulses)
+    assert code == 0, stderr
+    campaign = duralab.load_campaign(tmp_path / "mine.yaml")
+    band = campaign.control_band.lowest_frequency, campaign.control_band.highest_frequency
+    wanted = rms_in(band, read_signals(target).samples)
+    for number, level in enumerate(campaign.excitation.rms.values()):
+        slow = np.zeros((2, 20_000))
+        slow[number] = np.sin(2.0 * np.pi * 2.0 * np.arange(20_000) / 1000.0)
+        share = rms_in(band, rig.respond(level * np.sqrt(2.0) * slow, seed=7)) / wanted
+        assert 0.4 < share.max() < 0.6
+    shares = invoke("init", tmp_path / "shares.yaml", *to_it)
+    assert shares[0] == 0
+    assert set(duralab.load_campaign(tmp_path / "shares.yaml").excitation.rms.values()) == {0.001}
+
+
+def rms_in(band, record):
+    lines = np.fft.rfft(record, axis=1)
+    frequency = np.fft.rfftfreq(record.shape[1], 0.001)
+    inside = (frequency >= band[0]) & (frequency <= band[1])
+    return np.sqrt(2.0 * np.sum(np.abs(lines[:, inside]) ** 2, axis=1)) / record.shape[1]
+
+
+def test_no_levels_follow_from_a_failed_pre_test_another_rig_or_a_target_with_other_names(tried, target, tmp_path):
+    rig, started = tried
+    recordings = started.out / "recordings"
+    init = ("init", tmp_path / "mine.yaml", "--target", target)
+    with broken(rig, FAULTS["noise"][0]):
+        started.pre_test("linear", id="levels-failed", seed=8)
+    code, _, stderr = invoke(*init, "--rig", "linear", "--pre-test", recordings / "levels-failed.mcap")
+    assert (code, "which did not pass; see to its findings" in stderr) == (2, True)
+    started.pre_test("linear", id="levels-passed", seed=10)
+    code, _, stderr = invoke(*init, "--rig", "front_axle", "--pre-test", recordings / "levels-passed.mcap")
+    assert (code, "is of another rig than 'front_axle'" in stderr) == (2, True)
+    measured = read_signals(target)
+    renamed = tuple(replace(channel, name=f"F_{channel.name}") for channel in measured.channels)
+    write_signals(replace(measured, channels=renamed), tmp_path / "renamed.csv")
+    to_it = ("--rig", "linear", "--connect", started.endpoints[0], "--pre-test", recordings / "levels-passed.mcap")
+    code, _, stderr = invoke("init", tmp_path / "mine.yaml", "--target", tmp_path / "renamed.csv", *to_it)
+    assert (code, "has no channel force_1, force_2; levels by a pre-test need" in stderr) == (2, True)
+    assert not (tmp_path / "mine.yaml").exists()
 
 
 CAMPAIGN = """

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,9 +12,11 @@ import typer
 
 from duralab.cli.options import Connect, Json, Replace, complete_campaign, complete_rig, endpoint_if_any, open_lab
 from duralab.cli.output import Output, own_command
+from duralab.errors import InputError
 
 if TYPE_CHECKING:
-    from duralab.data import Rig
+    from duralab.campaign import Campaign, PulseLevels
+    from duralab.data import PreTest, Rig
 
 
 def init(
@@ -43,6 +46,14 @@ def init(
             "--target", metavar="SIGNALS", help="A measured file to reproduce instead of the target of CAMPAIGN."
         ),
     ] = None,
+    pre_test: Annotated[
+        Path | None,
+        typer.Option(
+            "--pre-test",
+            metavar="RECORDING",
+            help="A passed pre-test of the rig: levels of the identification from its pulses and --target.",
+        ),
+    ] = None,
     endpoint: Connect = None,
     replace: Replace = False,
     as_json: Json = False,
@@ -64,7 +75,15 @@ def init(
     from duralab.output_files import replace_when_complete, require_outputs
 
     output = Output(as_json)
-    require_outputs([file], read=[target] if target is not None else [], replace=replace)
+    if pre_test is not None and target is None:
+        raise InputError(
+            "--pre-test is given without --target; the levels follow from both, so give the measured file too.",
+            field="pre-test",
+        )
+    require_outputs([file], read=[path for path in (target, pre_test) if path is not None], replace=replace)
+    passed = _passed_pre_test(pre_test) if pre_test is not None else None
+    if passed is not None:
+        rig = rig or passed[0].rig
     template = template or (template_for(rig) if rig is not None else DEFAULT_TEMPLATE)
     shipped = parse_campaign(shipped_text(template), name=template)
     described, section, missing = None, None, []
@@ -74,6 +93,10 @@ def init(
         if signals is not None and target is not None:
             section, missing = measured_target(signals, source=target, folder=file.parent, rig=described)
     text = campaign_text(template, path=file, rig=described, target=section)
+    if passed is not None and described is not None:
+        begun = parse_campaign(text, name=str(file), folder=file.parent)
+        levels = _levels(*passed, rig=described, campaign=begun, missing=missing)
+        text = campaign_text(template, path=file, rig=described, target=section, levels=levels)
     with replace_when_complete(file) as temporary:
         temporary.write_text(text, encoding="utf-8")
     awaited = file.with_name(AWAITED_TARGET) if target is None and "\n  file: " in text else None
@@ -100,6 +123,48 @@ def init(
             "target_awaited": awaited,
         }
     )
+
+
+def _passed_pre_test(path: Path) -> tuple[PreTest, str]:
+    """Return a recorded pre-test that passed, and the content hash of its rig."""
+    from duralab.recording import open_recording
+
+    recording = open_recording(path)
+    found = recording.pre_test
+    if found is None:
+        raise InputError(
+            f"--pre-test is {path}, a recording without a completed pre-test; give one of `duralab pre-test`.",
+            field="pre-test",
+        )
+    if not found.passed:
+        raise InputError(
+            f"--pre-test is {path}, which did not pass; see to its findings, then run `duralab pre-test {found.rig}`.",
+            field="pre-test",
+        )
+    return found, recording.rig.content_hash
+
+
+def _levels(pre_test: PreTest, made_of: str, *, rig: Rig, campaign: Campaign, missing: Sequence[str]) -> PulseLevels:
+    """Return the levels of the identification by a pre-test and the campaign's target file."""
+    from duralab.campaign import levels_by_pulses
+    from duralab.target import make_target
+
+    if (pre_test.rig, made_of) != (rig.name, rig.content_hash):
+        raise InputError(
+            f"The pre-test {pre_test.id} is of another rig than {rig.name!r}, or from before a change of it; make one "
+            f"with `duralab pre-test {rig.name}`.",
+            field="pre-test",
+        )
+    if missing:
+        file = campaign.target.file
+        raise InputError(
+            f"The target {file} has no channel {', '.join(missing)}; levels by a pre-test need one of that name for "
+            f"each response, and `duralab import {file} target.csv --rig {rig.name} --settings FILE` renames them.",
+            field="target",
+        )
+    target = make_target(campaign, rig=rig, vehicle=None, play=None).signals
+    band = campaign.control_band
+    return levels_by_pulses(pre_test, rig=rig, target=target, band=(band.lowest_frequency, band.highest_frequency))
 
 
 def _describe(output: Output, rig: str, endpoint: str | None) -> Rig:
