@@ -134,7 +134,7 @@ def _with_pulse_levels(text: str, levels: PulseLevels) -> str:
 
 
 def _with_levels(text: str, levels: Mapping[str, float], *, comment: str) -> str:
-    lines = [f"    {_key(name)}: {level:g}\n" for name, level in levels.items()]
+    lines = [f"    {in_one_line(name)}: {level:g}\n" for name, level in levels.items()]
     pattern = r"# RMS of each drive(?:.*\n)+?  rms:\n(?:    .*\n)+"
     return _in_section(text, "excitation", ((pattern, f"# {comment}\n  rms:\n{''.join(lines)}"),))
 
@@ -246,9 +246,9 @@ def _in_section(text: str, section: str, changes: tuple[tuple[str, str], ...]) -
     return text[: found.start()] + content + text[found.end() :]
 
 
-def _key(name: str) -> str:
-    """Return a channel's name as a key of YAML."""
-    return dump_yaml(name, width=math.inf).splitlines()[0]
+def in_one_line(content: object) -> str:
+    """Return a name or a mapping as YAML in one line."""
+    return dump_yaml(content, flow=True, width=math.inf).splitlines()[0]
 
 
 def plain(text: str) -> str:

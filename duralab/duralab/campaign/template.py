@@ -7,12 +7,14 @@ import re
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
-from duralab.campaign.loading import parse_campaign, shipped_campaigns
-from duralab.campaign.rig_experiment import PulseLevels, plain, rig_comment, with_experiment
+from duralab.campaign.loading import ImportSettings, parse_campaign, shipped_campaigns
+from duralab.campaign.rig_experiment import PulseLevels, in_one_line, plain, rig_comment, with_experiment
+from duralab.campaign.target_edit import SourceChannel
 from duralab.data import Rig, Signals
 from duralab.errors import InputError
+from duralab_settings import Section
 
 DEFAULT_TEMPLATE: Final = "front_axle_demo"
 AWAITED_TARGET: Final = "target.csv"
@@ -95,15 +97,21 @@ def campaign_text(
     return text
 
 
-def measured_target(signals: Signals, *, source: Path, folder: Path, rig: Rig) -> tuple[str, list[str]]:
+def measured_target(
+    signals: Signals, *, source: Path, folder: Path, rig: Rig, settings: ImportSettings | None = None
+) -> tuple[str, list[str]]:
     """Return the section `target` for a measured file, and the responses without a channel of the same name in it.
 
     `signals`: Signals of the file. `source`: Path of the file. `folder`: Folder of the campaign file, the base of
-    relative paths. `rig`: Rig with the responses.
-    Returns: YAML text of the section, and the names of those responses.
+    relative paths. `rig`: Rig with the responses. `settings`: Channels, calculated channels and steps of editing of the
+    section.
+    Returns: YAML text of the section, and the names of the responses for which neither a name nor `settings` says a
+    channel.
     """
+    settings = settings or ImportSettings()
     given = {channel.name: channel.unit for channel in signals.channels}
-    missing = [channel.name for channel in rig.responses if channel.name not in given]
+    named = {*given, *(channel.name for channel in settings.calculated)}
+    missing = [one.name for one in rig.responses if one.name not in named and one.name not in settings.channels]
     lines = [
         "target:",
         f"  # {signals.duration:.6g} s at {signals.sample_rate:g} Hz; its channels, with the units that it names:",
@@ -111,17 +119,38 @@ def measured_target(signals: Signals, *, source: Path, folder: Path, rig: Rig) -
         f"  file: {_quoted(os.path.relpath(source.resolve(), folder.resolve()))}",
         "  # For each response of the rig the file's channel: {from: NAME, unit: kN, scale: -1}, or its name alone.",
     ]
-    mapping = [(channel.name, channel.name in given) for channel in rig.responses]
-    if all(known for _, known in mapping):
-        lines.append("  # All have the names that the rig's responses have, so that nothing needs to be said.")
+    if missing or settings.channels:
+        # A channel is not guessed: a wrong one would be reproduced without a warning.
+        channels: dict[str, Any] = {
+            name: f"CHANNEL_FOR_{name.upper()}" if name in missing else name
+            for name in (one.name for one in rig.responses)
+        }
+        channels |= {name: _short(channel) for name, channel in settings.channels.items()}
+        lines += ["  channels:", *(f"    {in_one_line(name)}: {in_one_line(channels[name])}" for name in channels)]
     else:
-        lines.append("  channels:")
-        # The channel is not guessed: a wrong one would be reproduced without a warning.
-        lines += [f"    {name}: {name if known else f'CHANNEL_FOR_{name.upper()}'}" for name, known in mapping]
-    if signals.sample_rate != rig.sample_rate:
+        lines.append("  # All have the names that the rig's responses have, so that nothing needs to be said.")
+    if settings.calculated:
+        lines += ["  # Channels that are calculated from those of the file.", "  calculated:"]
+        lines += [f"    - {in_one_line(_stated(one))}" for one in settings.calculated]
+    steps = [f"{step.name}: {in_one_line(_stated(step.settings))}" for step in settings.edit]
+    rates = [signals.sample_rate, *(step.resample.rate for step in settings.edit if step.resample is not None)]
+    if rates[-1] != rig.sample_rate:
+        steps.append(f"resample: {{rate: {rig.sample_rate:g}}}")
+    if steps:
         lines += ["  # What is done with it, one step after the other.", "  edit:"]
-        lines.append(f"    - resample: {{rate: {rig.sample_rate:g}}}")
+        lines += [f"    - {step}" for step in steps]
     return "\n".join(lines) + "\n", missing
+
+
+def _stated(section: Section) -> dict[str, Any]:
+    """Return what a section states beyond its defaults."""
+    return section.model_dump(mode="json", exclude_defaults=True)
+
+
+def _short(channel: SourceChannel) -> str | dict[str, Any]:
+    """Return a channel as in a campaign file: by its name alone, if nothing else is stated."""
+    stated = _stated(channel)
+    return channel.source if len(stated) == 1 else stated
 
 
 def awaited_target(rig: Rig) -> str:

@@ -55,6 +55,14 @@ ControllerMapFile = Annotated[
         help="YAML: channels, units and folder of a rig's controller; see the guide controller.md.",
     ),
 ]
+TargetSettings = Annotated[
+    Path | None,
+    typer.Option(
+        "--settings",
+        metavar="FILE",
+        help="YAML with `channels`, `calculated` and `edit`, as under `target` of a campaign file.",
+    ),
+]
 RunName = Annotated[
     str | None, typer.Option("--run", metavar="NAME", help="With --map: name of the run and of its files.")
 ]

@@ -17,6 +17,7 @@ from duralab.campaign import (
     campaign_name,
     campaign_text,
     check_against_rig,
+    load_import_settings,
     measured_target,
     parse_campaign,
     template_for,
@@ -124,6 +125,53 @@ def test_no_channel_of_a_measured_file_is_guessed(rig, tmp_path):
     assert content["target"]["channels"]["left_vertical"] == "left_vertical"
     assert content["target"]["channels"]["right_vertical"] == "CHANNEL_FOR_RIGHT_VERTICAL"
     assert "edit" not in content["target"]
+
+
+SETTINGS = """
+channels:
+  left_vertical: {from: FZ_L, unit: kN, scale: -1}
+  right_vertical: right
+calculated:
+  - {name: right, kind: force, sum: [FZ_R, FZ_X]}
+edit:
+  - cut: {from: 0.01, to: 0.15}
+  - despike
+  - taper: {seconds: 0.01}
+"""
+
+
+def test_settings_say_channels_and_steps_of_a_measured_file(rig, tmp_path):
+    (tmp_path / "map.yaml").write_text(SETTINGS)
+    asked = load_import_settings(tmp_path / "map.yaml")
+    others = [channel.name for channel in rig.responses if channel.name not in asked.channels]
+    given = signals(["FZ_L", "FZ_R", "FZ_X", *others])
+    section, missing = measured_target(given, source=tmp_path / "a.rsp", folder=tmp_path, rig=rig, settings=asked)
+    text = campaign_text("front_axle_demo", path=tmp_path / "mine.yaml", target=section)
+    target = parse_campaign(text, name="mine.yaml").target
+    assert missing == []
+    assert {name: target.channels[name] for name in asked.channels} == asked.channels
+    assert [target.channels[name].source for name in others] == others
+    assert target.calculated == asked.calculated
+    assert target.edit[:-1] == asked.edit
+    assert target.edit[-1].resample.rate == rig.sample_rate
+
+
+def test_a_step_that_resamples_to_the_rate_of_the_rig_is_not_repeated(rig, tmp_path):
+    (tmp_path / "map.yaml").write_text(f"edit: [{{resample: {{rate: {rig.sample_rate}}}}}]\n")
+    asked = load_import_settings(tmp_path / "map.yaml")
+    given = signals([channel.name for channel in rig.responses])
+    section, _ = measured_target(given, source=tmp_path / "a.rsp", folder=tmp_path, rig=rig, settings=asked)
+    assert section.count("resample") == 1
+
+
+def test_wrong_settings_are_refused_before_the_file_is_written(fake_services, rig, tmp_path):
+    source = tmp_path / "road.csv"
+    write_signals(signals([channel.name for channel in rig.responses], rate=1000.0), source)
+    (tmp_path / "map.yaml").write_text("channels: {left_vertcal: left_vertical}\n")
+    init = ("init", tmp_path / "mine.yaml", "--target", source, "--settings", tmp_path / "map.yaml")
+    code, _, stderr = invoke(*init)
+    assert (code, "target.channels has unknown response left_vertcal" in stderr) == (2, True)
+    assert not (tmp_path / "mine.yaml").exists()
 
 
 def test_with_a_measured_file_the_rig_is_asked_for_its_responses(fake_services, rig, tmp_path):

@@ -183,12 +183,19 @@ def test_no_levels_follow_from_a_failed_pre_test_another_rig_or_a_target_with_ot
     code, _, stderr = invoke(*init, "--rig", "front_axle", "--pre-test", recordings / "levels-passed.mcap")
     assert (code, "is of another rig than 'front_axle'" in stderr) == (2, True)
     measured = read_signals(target)
-    renamed = tuple(replace(channel, name=f"F_{channel.name}") for channel in measured.channels)
-    write_signals(replace(measured, channels=renamed), tmp_path / "renamed.csv")
+    others = tuple(replace(channel, name=f"F_{channel.name}") for channel in measured.channels)
+    write_signals(replace(measured, channels=others), tmp_path / "renamed.csv")
     to_it = ("--rig", "linear", "--connect", started.endpoints[0], "--pre-test", recordings / "levels-passed.mcap")
-    code, _, stderr = invoke("init", tmp_path / "mine.yaml", "--target", tmp_path / "renamed.csv", *to_it)
-    assert (code, "has no channel force_1, force_2; levels by a pre-test need" in stderr) == (2, True)
+    renamed = ("init", tmp_path / "mine.yaml", "--target", tmp_path / "renamed.csv", *to_it)
+    code, _, stderr = invoke(*renamed)
+    assert (code, "has no channel force_1, force_2, and levels by a pre-test need" in stderr) == (2, True)
     assert not (tmp_path / "mine.yaml").exists()
+    (tmp_path / "map.yaml").write_text("channels: {force_1: F_force_1, force_2: F_force_2}\n")
+    code, _, stderr = invoke(*renamed, "--settings", tmp_path / "map.yaml")
+    assert code == 0, stderr
+    assert invoke("init", tmp_path / "same.yaml", "--target", target, *to_it)[0] == 0
+    levels = [duralab.load_campaign(tmp_path / f"{name}.yaml").excitation.rms for name in ("mine", "same")]
+    assert levels[0] == levels[1]
 
 
 CAMPAIGN = """

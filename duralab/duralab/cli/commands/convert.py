@@ -21,6 +21,7 @@ from duralab.cli.options import (
     Replace,
     RunName,
     Source,
+    TargetSettings,
     Unit,
     complete_rig,
     endpoint_if_any,
@@ -129,14 +130,7 @@ def import_file(
         str | None,
         typer.Option("--rig", metavar="RIG", help="Rig whose responses the target has.", autocompletion=complete_rig),
     ] = None,
-    settings: Annotated[
-        Path | None,
-        typer.Option(
-            "--settings",
-            metavar="FILE",
-            help="YAML with `channels`, `calculated` and `edit`, as under `target` of a campaign file.",
-        ),
-    ] = None,
+    settings: TargetSettings = None,
     controller_map: ControllerMapFile = None,
     run: RunName = None,
     to_format: FileFormat = None,

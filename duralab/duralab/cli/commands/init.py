@@ -10,13 +10,22 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from duralab.cli.options import Connect, Json, Replace, complete_campaign, complete_rig, endpoint_if_any, open_lab
+from duralab.cli.options import (
+    Connect,
+    Json,
+    Replace,
+    TargetSettings,
+    complete_campaign,
+    complete_rig,
+    endpoint_if_any,
+    open_lab,
+)
 from duralab.cli.output import Output, own_command
 from duralab.errors import InputError
 
 if TYPE_CHECKING:
-    from duralab.campaign import Campaign, PulseLevels
-    from duralab.data import PreTest, Rig
+    from duralab.campaign import PulseLevels
+    from duralab.data import PreTest, Rig, Signals
 
 
 def init(
@@ -46,6 +55,7 @@ def init(
             "--target", metavar="SIGNALS", help="A measured file to reproduce instead of the target of CAMPAIGN."
         ),
     ] = None,
+    settings: TargetSettings = None,
     pre_test: Annotated[
         Path | None,
         typer.Option(
@@ -65,6 +75,7 @@ def init(
         campaign_name,
         campaign_text,
         load_campaign,
+        load_import_settings,
         measured_target,
         missing_target,
         parse_campaign,
@@ -75,12 +86,11 @@ def init(
     from duralab.output_files import replace_when_complete, require_outputs
 
     output = Output(as_json)
-    if pre_test is not None and target is None:
-        raise InputError(
-            "--pre-test is given without --target; the levels follow from both, so give the measured file too.",
-            field="pre-test",
-        )
-    require_outputs([file], read=[path for path in (target, pre_test) if path is not None], replace=replace)
+    for option, value in (("pre-test", pre_test), ("settings", settings)):
+        if value is not None and target is None:
+            raise InputError(f"--{option} is given without --target; give the measured file too.", field=option)
+    require_outputs([file], read=[path for path in (target, settings, pre_test) if path is not None], replace=replace)
+    asked = load_import_settings(settings) if settings is not None else None
     passed = _passed_pre_test(pre_test) if pre_test is not None else None
     if passed is not None:
         rig = rig or passed[0].rig
@@ -91,11 +101,15 @@ def init(
     if rig is not None or target is not None or endpoint is not None:
         described = _describe(output, rig or shipped.rig, endpoint)
         if signals is not None and target is not None:
-            section, missing = measured_target(signals, source=target, folder=file.parent, rig=described)
+            section, missing = measured_target(
+                signals, source=target, folder=file.parent, rig=described, settings=asked
+            )
     text = campaign_text(template, path=file, rig=described, target=section)
+    if described is not None and asked is not None and not missing:
+        # A wrong channel or step is said before the file is written.
+        _target_of(text, file=file, rig=described)
     if passed is not None and described is not None:
-        begun = parse_campaign(text, name=str(file), folder=file.parent)
-        levels = _levels(*passed, rig=described, campaign=begun, missing=missing)
+        levels = _levels(*passed, text=text, file=file, rig=described, missing=missing)
         text = campaign_text(template, path=file, rig=described, target=section, levels=levels)
     with replace_when_complete(file) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -144,10 +158,20 @@ def _passed_pre_test(path: Path) -> tuple[PreTest, str]:
     return found, recording.rig.content_hash
 
 
-def _levels(pre_test: PreTest, made_of: str, *, rig: Rig, campaign: Campaign, missing: Sequence[str]) -> PulseLevels:
-    """Return the levels of the identification by a pre-test and the campaign's target file."""
-    from duralab.campaign import levels_by_pulses
+def _target_of(text: str, *, file: Path, rig: Rig) -> tuple[Signals, tuple[float, float]]:
+    """Return the target of the text of a campaign with a target file, and its band in Hz."""
+    from duralab.campaign import parse_campaign
     from duralab.target import make_target
+
+    campaign = parse_campaign(text, name=str(file), folder=file.parent)
+    band = campaign.control_band
+    target = make_target(campaign, rig=rig, vehicle=None, play=None).signals
+    return target, (band.lowest_frequency, band.highest_frequency)
+
+
+def _levels(pre_test: PreTest, made_of: str, *, text: str, file: Path, rig: Rig, missing: Sequence[str]) -> PulseLevels:
+    """Return the levels of the identification by a pre-test and the target of a campaign's text."""
+    from duralab.campaign import levels_by_pulses
 
     if (pre_test.rig, made_of) != (rig.name, rig.content_hash):
         raise InputError(
@@ -156,15 +180,13 @@ def _levels(pre_test: PreTest, made_of: str, *, rig: Rig, campaign: Campaign, mi
             field="pre-test",
         )
     if missing:
-        file = campaign.target.file
         raise InputError(
-            f"The target {file} has no channel {', '.join(missing)}; levels by a pre-test need one of that name for "
-            f"each response, and `duralab import {file} target.csv --rig {rig.name} --settings FILE` renames them.",
+            f"--target has no channel {', '.join(missing)}, and levels by a pre-test need one for each response; say "
+            "which is which under `channels` of --settings FILE.",
             field="target",
         )
-    target = make_target(campaign, rig=rig, vehicle=None, play=None).signals
-    band = campaign.control_band
-    return levels_by_pulses(pre_test, rig=rig, target=target, band=(band.lowest_frequency, band.highest_frequency))
+    target, band = _target_of(text, file=file, rig=rig)
+    return levels_by_pulses(pre_test, rig=rig, target=target, band=band)
 
 
 def _describe(output: Output, rig: str, endpoint: str | None) -> Rig:
