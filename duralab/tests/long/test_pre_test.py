@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import yaml
 from test_command_line import invoke
 
 import duralab
@@ -16,6 +17,7 @@ from duralab.lab import Result
 from duralab.testing import LinearRig, lab
 
 NAMES = ("force_1", "force_2")
+AXLE = [f"{side}_{axis}" for side in ("left", "right") for axis in ("vertical", "lateral", "longitudinal")]
 
 
 class FaultyRig(LinearRig):
@@ -148,7 +150,8 @@ def test_the_levels_of_an_identification_follow_from_its_pulses_and_the_target(t
     rig, started = tried
     started.pre_test("linear", id="for-levels", level=0.01, seed=6)
     pulses = started.out / "recordings" / "for-levels.mcap"
-    to_it = ("--rig", "linear", "--target", target, "--connect", started.endpoints[0])
+    to_it = ("--target", target, "--connect", started.endpoints[0])
+    # The rig is that of the pre-test.
     code, _, stderr = invoke("init", tmp_path / "mine.yaml", *to_it, "--pre-test", pulses)
     assert code == 0, stderr
     campaign = duralab.load_campaign(tmp_path / "mine.yaml")
@@ -159,7 +162,8 @@ def test_the_levels_of_an_identification_follow_from_its_pulses_and_the_target(t
         slow[number] = np.sin(2.0 * np.pi * 2.0 * np.arange(20_000) / 1000.0)
         share = rms_in(band, rig.respond(level * np.sqrt(2.0) * slow, seed=7)) / wanted
         assert 0.4 < share.max() < 0.6
-    shares = invoke("init", tmp_path / "shares.yaml", *to_it)
+    assert campaign.rig == "linear"
+    shares = invoke("init", tmp_path / "shares.yaml", *to_it, "--rig", "linear")
     assert shares[0] == 0
     assert set(duralab.load_campaign(tmp_path / "shares.yaml").excitation.rms.values()) == {0.001}
 
@@ -177,15 +181,18 @@ def test_no_levels_follow_from_a_failed_pre_test_another_rig_or_a_target_with_ot
     init = ("init", tmp_path / "mine.yaml", "--target", target)
     with broken(rig, FAULTS["noise"][0]):
         started.pre_test("linear", id="levels-failed", seed=8)
-    code, _, stderr = invoke(*init, "--rig", "linear", "--pre-test", recordings / "levels-failed.mcap")
-    assert (code, "which did not pass; see to its findings" in stderr) == (2, True)
+    linear = ("--rig", "linear", "--connect", started.endpoints[0])
+    code, _, stderr = invoke(*init, *linear, "--pre-test", recordings / "levels-failed.mcap")
+    assert (code, "levels-failed did not pass; see to its findings" in stderr) == (2, True)
     started.pre_test("linear", id="levels-passed", seed=10)
-    code, _, stderr = invoke(*init, "--rig", "front_axle", "--pre-test", recordings / "levels-passed.mcap")
+    (tmp_path / "axle.yaml").write_text(yaml.safe_dump({"channels": dict.fromkeys(AXLE, "force_1")}))
+    axle = ("--rig", "front_axle", "--settings", tmp_path / "axle.yaml")
+    code, _, stderr = invoke(*init, *axle, "--pre-test", recordings / "levels-passed.mcap")
     assert (code, "is of another rig than 'front_axle'" in stderr) == (2, True)
     measured = read_signals(target)
     others = tuple(replace(channel, name=f"F_{channel.name}") for channel in measured.channels)
     write_signals(replace(measured, channels=others), tmp_path / "renamed.csv")
-    to_it = ("--rig", "linear", "--connect", started.endpoints[0], "--pre-test", recordings / "levels-passed.mcap")
+    to_it = (*linear, "--pre-test", recordings / "levels-passed.mcap")
     renamed = ("init", tmp_path / "mine.yaml", "--target", tmp_path / "renamed.csv", *to_it)
     code, _, stderr = invoke(*renamed)
     assert (code, "has no channel force_1, force_2, and levels by a pre-test need" in stderr) == (2, True)

@@ -28,9 +28,9 @@ from duralab import (
     write_comparison,
     write_report,
 )
-from duralab.campaign import parse_campaign
+from duralab.campaign import campaign_text, parse_campaign, template_for
 from duralab.formats import read_signals, write_signals
-from duralab.target import make_target, read_target_file
+from duralab.target import levels_by_pre_test, make_target, read_target_file
 from duralab_schedules import Schedule
 from operator_page.documents import signals_document
 
@@ -102,6 +102,15 @@ def _target(text: str, folder: Path, rig: Rig) -> dict[str, Any]:
     }
 
 
+def _levels(text: str, folder: Path, rig: Rig, recording: Path) -> dict[str, Any]:
+    """Return the sections of a campaign that describe an identification with levels by the pulses of a pre-test."""
+    plan = parse_campaign(text, name="the campaign", folder=folder)
+    found = levels_by_pre_test(recording, campaign=plan, rig=rig)
+    written = campaign_text(template_for(rig.name), path=folder / "new.yaml", rig=rig, levels=found)
+    content = parse_campaign(written, name="new").model_dump(mode="json", exclude_unset=True)
+    return {"pre_test": found.pre_test, "excitation": content["excitation"], "estimator": content["estimator"]}
+
+
 def _forecast(schedule: Schedule) -> dict[str, Any]:
     """Return the forecast of a schedule: repeats, time, damage over plan, room on disk."""
     found = forecast_schedule(schedule)
@@ -144,7 +153,15 @@ def _export(recording: Path, what: str, out: Path) -> dict[str, Any]:
 
 
 JOBS: Final[Mapping[str, Callable[..., dict[str, Any]]]] = MappingProxyType(
-    {"read": _read, "target": _target, "report": _report, "compare": _compare, "export": _export, "forecast": _forecast}
+    {
+        "read": _read,
+        "target": _target,
+        "levels": _levels,
+        "report": _report,
+        "compare": _compare,
+        "export": _export,
+        "forecast": _forecast,
+    }
 )
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
+import tempfile
 from collections.abc import Mapping
 from functools import partial
+from pathlib import Path
 from typing import Any
 
-from duralab import Campaign, LabError, Rig
-from duralab.lab import Lab
+from duralab import Campaign, InputError, LabError, Rig
+from duralab.lab import Lab, Result
 from operator_page.accounts import PageRole
 from operator_page.endpoints import Asked, Endpoint, RefusedError, Workers
 from operator_page.files import PageFiles
@@ -33,6 +35,7 @@ class FileRoutes:
             # Requests that cost time or room, without a motion.
             Endpoint("/api/campaign_files", operator, self._check_campaign, CampaignDocument),
             Endpoint("/api/target_preview", operator, self._preview, CampaignDocument),
+            Endpoint("/api/pre_test_levels", operator, self._levels, CampaignDocument),
             Endpoint("/api/uploads/{name}", operator, self._upload, Nothing, raw=True),
         )
 
@@ -67,11 +70,28 @@ class FileRoutes:
             self._view.say(f"The campaign file {plan.name} is saved.", who=asked.who)
         return {"text": text, "remarks": plan.remarks, "rig_is_here": rig is not None}
 
-    async def _preview(self, asked: Asked) -> Mapping[str, Any]:
+    async def _campaign_of_a_rig(self, asked: Asked) -> tuple[str, Rig]:
         plan, text, rig = await self._checked_campaign(asked)
         if rig is None:
             raise RefusedError(400, f"There is no rig {plan.rig!r} in this lab, so that its channels are not known.")
+        return text, rig
+
+    async def _preview(self, asked: Asked) -> Mapping[str, Any]:
+        text, rig = await self._campaign_of_a_rig(asked)
         return await self._workers.in_child("target", text, self._files.folder, rig)
+
+    async def _levels(self, asked: Asked) -> Mapping[str, Any]:
+        text, rig = await self._campaign_of_a_rig(asked)
+        with tempfile.TemporaryDirectory() as folder:
+            recording = await self._workers.in_thread(self._newest_pre_test, rig.name, Path(folder))
+            return await self._workers.in_child("levels", text, self._files.folder, rig, recording)
+
+    def _newest_pre_test(self, rig: str, folder: Path) -> Path:
+        """Copy the newest passed pre-test of a rig to a folder; return the path of its recording."""
+        found = self._lab.catalogue.search(rig=rig, result=Result.PRE_TEST_PASSED)
+        if not found:
+            raise InputError(f"There is no passed pre-test of {rig} in this lab; make one on the screen Rig.")
+        return self._lab.catalogue.fetch(found[-1].id, folder / "pre_test")
 
     async def _upload(self, asked: Asked) -> Mapping[str, Any]:
         kept = await self._files.upload(asked.named("name"), asked.request.stream())

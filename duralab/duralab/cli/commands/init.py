@@ -25,7 +25,7 @@ from duralab.errors import InputError
 
 if TYPE_CHECKING:
     from duralab.campaign import PulseLevels
-    from duralab.data import PreTest, Rig, Signals
+    from duralab.data import Rig
 
 
 def init(
@@ -84,6 +84,7 @@ def init(
     )
     from duralab.formats import read_signals
     from duralab.output_files import replace_when_complete, require_outputs
+    from duralab.recording import open_recording
 
     output = Output(as_json)
     for option, value in (("pre-test", pre_test), ("settings", settings)):
@@ -91,9 +92,8 @@ def init(
             raise InputError(f"--{option} is given without --target; give the measured file too.", field=option)
     require_outputs([file], read=[path for path in (target, settings, pre_test) if path is not None], replace=replace)
     asked = load_import_settings(settings) if settings is not None else None
-    passed = _passed_pre_test(pre_test) if pre_test is not None else None
-    if passed is not None:
-        rig = rig or passed[0].rig
+    if pre_test is not None:
+        rig = rig or open_recording(pre_test).rig.rig
     template = template or (template_for(rig) if rig is not None else DEFAULT_TEMPLATE)
     shipped = parse_campaign(shipped_text(template), name=template)
     described, section, missing = None, None, []
@@ -105,11 +105,8 @@ def init(
                 signals, source=target, folder=file.parent, rig=described, settings=asked
             )
     text = campaign_text(template, path=file, rig=described, target=section)
-    if described is not None and asked is not None and not missing:
-        # A wrong channel or step is said before the file is written.
-        _target_of(text, file=file, rig=described)
-    if passed is not None and described is not None:
-        levels = _levels(*passed, text=text, file=file, rig=described, missing=missing)
+    if described is not None and target is not None and (pre_test is not None or asked is not None):
+        levels = _levels(text, file=file, rig=described, pre_test=pre_test, missing=missing)
         text = campaign_text(template, path=file, rig=described, target=section, levels=levels)
     with replace_when_complete(file) as temporary:
         temporary.write_text(text, encoding="utf-8")
@@ -139,54 +136,27 @@ def init(
     )
 
 
-def _passed_pre_test(path: Path) -> tuple[PreTest, str]:
-    """Return a recorded pre-test that passed, and the content hash of its rig."""
-    from duralab.recording import open_recording
-
-    recording = open_recording(path)
-    found = recording.pre_test
-    if found is None:
-        raise InputError(
-            f"--pre-test is {path}, a recording without a completed pre-test; give one of `duralab pre-test`.",
-            field="pre-test",
-        )
-    if not found.passed:
-        raise InputError(
-            f"--pre-test is {path}, which did not pass; see to its findings, then run `duralab pre-test {found.rig}`.",
-            field="pre-test",
-        )
-    return found, recording.rig.content_hash
-
-
-def _target_of(text: str, *, file: Path, rig: Rig) -> tuple[Signals, tuple[float, float]]:
-    """Return the target of the text of a campaign with a target file, and its band in Hz."""
+def _levels(text: str, *, file: Path, rig: Rig, pre_test: Path | None, missing: Sequence[str]) -> PulseLevels | None:
+    """Check the target of a campaign's text; return the levels of its identification by a pre-test, if there is one."""
     from duralab.campaign import parse_campaign
-    from duralab.target import make_target
+    from duralab.target import levels_by_pre_test, make_target
 
     campaign = parse_campaign(text, name=str(file), folder=file.parent)
-    band = campaign.control_band
-    target = make_target(campaign, rig=rig, vehicle=None, play=None).signals
-    return target, (band.lowest_frequency, band.highest_frequency)
-
-
-def _levels(pre_test: PreTest, made_of: str, *, text: str, file: Path, rig: Rig, missing: Sequence[str]) -> PulseLevels:
-    """Return the levels of the identification by a pre-test and the target of a campaign's text."""
-    from duralab.campaign import levels_by_pulses
-
-    if (pre_test.rig, made_of) != (rig.name, rig.content_hash):
-        raise InputError(
-            f"The pre-test {pre_test.id} is of another rig than {rig.name!r}, or from before a change of it; make one "
-            f"with `duralab pre-test {rig.name}`.",
-            field="pre-test",
-        )
-    if missing:
+    if pre_test is None:
+        # A wrong channel or step is said before the file is written.
+        if not missing:
+            make_target(campaign, rig=rig, vehicle=None, play=None)
+        return None
+    try:
+        return levels_by_pre_test(pre_test, campaign=campaign, rig=rig)
+    except InputError as error:
+        if not missing or error.field == "pre_test":
+            raise
         raise InputError(
             f"--target has no channel {', '.join(missing)}, and levels by a pre-test need one for each response; say "
             "which is which under `channels` of --settings FILE.",
             field="target",
-        )
-    target, band = _target_of(text, file=file, rig=rig)
-    return levels_by_pulses(pre_test, rig=rig, target=target, band=band)
+        ) from error
 
 
 def _describe(output: Output, rig: str, endpoint: str | None) -> Rig:

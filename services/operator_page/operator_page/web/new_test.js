@@ -12,6 +12,7 @@ export function NewTestScreen() {
   const [document, setDocument] = useState(draft.document);
   const [checked, setChecked] = useState(null);
   const [wrong, setWrong] = useState("");
+  const [busy, setBusy] = useState(false);
   const change = (next) => { draft.document = next; setDocument(next); setChecked(null); setWrong(""); };
   const reread = () => attempt(async () => setKnown(await get("/api/campaign_files")));
   useEffect(() => { reread(); attempt(async () => setSchema(await get("/api/campaign_schema"))); }, []);
@@ -29,6 +30,14 @@ export function NewTestScreen() {
       if (save) { say(`The campaign file ${document.name} is saved; begin it on the screen Run.`); reread(); }
     } catch (error) { setChecked(null); setWrong(error.message); }
   };
+  const takeLevels = async () => {
+    setBusy(true);
+    const found = await attempt(() => post("/api/pre_test_levels", { document }));
+    setBusy(false);
+    if (!found) return;
+    change({ ...document, excitation: found.excitation, estimator: found.estimator });
+    say(`The levels of the identification follow from the pulses of ${found.pre_test}.`);
+  };
   if (!isOperator()) return html`<h1>New test</h1><p>A viewer sets up no test; ask an operator.</p>`;
   if (!known || !schema) return html`<h1>New test</h1><p role="status">Reading the campaigns …</p>`;
   const without = (key) => (known.unavailable[key] ? " (its target file is missing)" : "");
@@ -43,6 +52,8 @@ export function NewTestScreen() {
     ${document && html`
       <${MeasuredTarget} document=${document} change=${change} />
       <section class="card" aria-label="Settings"><h2>3. Settings</h2><p>What is left out has its default. A unit stands in each key's help.</p>
+        ${document.target?.file && html`<div class="row"><button type="button" id="levels" disabled=${busy} onClick=${takeLevels}>Levels from the pre-test</button>
+          <p>The newest passed pre-test of ${document.rig} shows how far each drive moves each response: half of the target is enough for the identification.</p></div>`}
         <${Form} schema=${schema} part=${schema} value=${document} change=${change} /></section>
       <section class="card" aria-label="Check and save"><h2>4. Check and save</h2>
         <div class="row"><button type="button" id="check" onClick=${() => check(false, false)}>Check</button>

@@ -86,6 +86,9 @@ def test_a_test_is_set_up_from_a_measured_file_run_and_reported(lab, served, bro
     page.click("#preview")
     page.wait_for_text("What the steps did")
     page.wait("document.querySelectorAll('section[aria-label=Target] canvas').length === 4")
+    lab.lab.pre_test(RIG, id="before-set-up", level=0.01)
+    page.click("#levels")
+    page.wait_for_text("The levels of the identification follow from the pulses of before-set-up.")
     page.write("#field-name", "set-up")
     page.write("#field-rig", RIG)
     for name, text in (("excitation-duration", "20"), ("excitation-rms", "0.002"), ("stop-iterations", "two")):

@@ -38,6 +38,7 @@ COMMANDS = {
     f"/api/rigs/{RIG}/pre_test": ({}, 409),
     "/api/campaign_files": ({"document": {}}, 400),
     "/api/target_preview": ({"document": {}}, 400),
+    "/api/pre_test_levels": ({"document": {}}, 400),
     "/api/uploads/none.rsp": ({}, 400),
     "/api/recordings/none/verify": ({}, 400),
     "/api/schedules": ({"document": {}}, 400),
