@@ -178,14 +178,17 @@ class Commands:
 
         return self._in_background(work, name="page-begin", who=who, taken=taken)
 
-    def pre_test(self, rig: str, who: str) -> dict[str, Any]:
-        """Play small pulses on each drive of a rig and report faults; it continues without the page."""
+    def pre_test(self, rig: str, who: str, level: float) -> dict[str, Any]:
+        """Play small pulses on each drive of a rig and report faults; it continues without the page.
+
+        `level`: Share of the limits.
+        """
         self._require_known(rig)
         self._holders.require(who, rig)
-        self._did(who, f"Pre-test of {rig}.")
+        self._did(who, f"Pre-test of {rig} at {100.0 * level:g} % of its limits.")
 
         def work() -> str:
-            found = self._lab.pre_test(rig)
+            found = self._lab.pre_test(rig, level=level)
             for finding in found.findings:
                 self._view.say(f"Pre-test of {rig}: {finding.sentence}", trouble=finding.failed)
             if not found.passed:

@@ -54,6 +54,12 @@ class Reset(Values):
     reason: ResetReason
 
 
+class PreTest(Values):
+    """Level of a pre-test as a share of the limits."""
+
+    level: float = Field(default=0.05, gt=0.0, le=0.05)
+
+
 class Begin(Values):
     """Campaign to begin: a shipped one, or a file of the page's folder; `rigs`: Rigs shown to the person."""
 

@@ -38,7 +38,7 @@ from operator_page.file_routes import FileRoutes
 from operator_page.files import PageFiles
 from operator_page.lab_view import LabView
 from operator_page.recording_routes import RecordingRoutes
-from operator_page.requests import Arm, Nothing, Reset, SignIn, Stop
+from operator_page.requests import Arm, Nothing, PreTest, Reset, SignIn, Stop
 from operator_page.sessions import RateLimit, Session, Sessions
 from operator_page.shell import Shell
 
@@ -123,7 +123,7 @@ class PageServer:
             Endpoint("/api/rigs/{rig}/take", operator, self._take, Nothing, armed=True),
             Endpoint("/api/rigs/{rig}/release", operator, self._release, Nothing),
             Endpoint("/api/rigs/{rig}/reset", operator, self._reset, Reset, armed=True),
-            Endpoint("/api/rigs/{rig}/pre_test", operator, self._pre_test, Nothing, armed=True),
+            Endpoint("/api/rigs/{rig}/pre_test", operator, self._pre_test, PreTest, armed=True),
             *(endpoint for screen in self._screens for endpoint in screen.endpoints()),
         )
 
@@ -336,7 +336,7 @@ class PageServer:
         return await self._workers.in_thread(self._commands.reset, asked.named("rig"), asked.who, asked.values.reason)
 
     async def _pre_test(self, asked: Asked) -> Mapping[str, Any]:
-        return await self._workers.in_thread(self._commands.pre_test, asked.named("rig"), asked.who)
+        return await self._workers.in_thread(self._commands.pre_test, asked.named("rig"), asked.who, asked.values.level)
 
 
 def _files(folder: str) -> list[Any]:

@@ -48,6 +48,7 @@ const limits = (channel) => (channel.minimum === null || channel.maximum === nul
 export function RigScreen() {
   const rig = state.lab.rigs.find((one) => one.name === state.rig);
   const [reason, setReason] = useState("");
+  const [pulses, setPulses] = useState(0.05);
   if (!rig) return html`<h1>Rig</h1><p class="notice">${state.rig ? `The rig ${state.rig} is not in this lab.` : "There is no rig in this lab."}</p>`;
   const about = described(rig.name);
   const mine = rig.holder && rig.holder.name === state.session.name;
@@ -67,8 +68,9 @@ export function RigScreen() {
         <p>Look at the rig first. A reset lets it move again; any operator may reset what anybody stopped.</p>
         <div class="row"><label class="wide">Reason <input name="reset-reason" value=${reason} maxlength="300" onInput=${(event) => setReason(event.target.value)} /></label>
         <${Deliberate} label=${`Reset ${rig.name}`} action=${`/api/rigs/${rig.name}/reset`} values=${{ reason: reason.trim() }} ready=${rig.mode === "interlocked" && reason.trim() !== ""} done=${() => setReason("")} /></div></article>`}
-      ${isOperator() && html`<article class="card"><h2>Pre-test</h2><p>Small pulses on each drive, within 5 % of its limits, find dead, swapped and inverted channels. The event log says what is found.</p>
-        <${Deliberate} label=${`Pre-test ${rig.name}`} action=${`/api/rigs/${rig.name}/pre_test`} values=${{}} ready=${rig.mode === "idle"} /></article>`}
+      ${isOperator() && html`<article class="card"><h2>Pre-test</h2><p>Small pulses on each drive find dead, swapped and inverted channels. The event log says what is found. On a stiff specimen begin with 0.5 % of the limits.</p>
+        <div class="row"><label>Share of the limits <select name="pre-test-level" value=${String(pulses)} onChange=${(event) => setPulses(Number(event.target.value))}>${[0.005, 0.01, 0.02, 0.05].map((one) => html`<option value=${String(one)}>${100 * one} %</option>`)}</select></label>
+        <${Deliberate} label=${`Pre-test ${rig.name} at ${100 * pulses} %`} action=${`/api/rigs/${rig.name}/pre_test`} values=${{ level: pulses }} ready=${rig.mode === "idle"} /></div></article>`}
     </div>
     ${about && html`
       <p>${sentence(about.specimen)}. Engine: ${about.engine} ${about.version}. Sample rate: ${figure(about.sample_rate, 5)} Hz. Longest drive: ${span(about.longest_drive_seconds)}.
