@@ -152,8 +152,9 @@ def test_the_levels_of_an_identification_follow_from_its_pulses_and_the_target(t
     pulses = started.out / "recordings" / "for-levels.mcap"
     to_it = ("--target", target, "--connect", started.endpoints[0])
     # The rig is that of the pre-test.
-    code, _, stderr = invoke("init", tmp_path / "mine.yaml", *to_it, "--pre-test", pulses)
+    code, stdout, stderr = invoke("init", tmp_path / "mine.yaml", *to_it, "--pre-test", pulses)
     assert code == 0, stderr
+    assert "not chosen for this target" not in stdout
     campaign = duralab.load_campaign(tmp_path / "mine.yaml")
     band = campaign.control_band.lowest_frequency, campaign.control_band.highest_frequency
     wanted = rms_in(band, read_signals(target).samples)
@@ -165,6 +166,7 @@ def test_the_levels_of_an_identification_follow_from_its_pulses_and_the_target(t
     assert campaign.rig == "linear"
     shares = invoke("init", tmp_path / "shares.yaml", *to_it, "--rig", "linear")
     assert shares[0] == 0
+    assert "not chosen for this target; --pre-test chooses them." in shares[1]
     assert set(duralab.load_campaign(tmp_path / "shares.yaml").excitation.rms.values()) == {0.001}
 
 

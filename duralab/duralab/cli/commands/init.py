@@ -116,6 +116,8 @@ def init(
     place = "" if asked_at is None else f" --connect {shlex.quote(asked_at)}"
     command = f"{own_command()} run {shlex.quote(str(file))}{place}"
     lines = [f"{file}: campaign {campaign_name(file)}; run it:  {command}"]
+    if target is not None and pre_test is None:
+        lines.append("The levels of the identification are not chosen for this target; --pre-test chooses them.")
     if missing:
         lines.append(f"Say under target.channels which channel of {target} is which: {', '.join(missing)}.")
     if awaited is not None and described is not None:
