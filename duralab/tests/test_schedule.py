@@ -5,6 +5,7 @@ import shutil
 from contextlib import nullcontext
 from types import SimpleNamespace
 
+import asammdf
 import numpy as np
 import pytest
 import synthetic_campaign
@@ -160,6 +161,20 @@ def test_a_drive_file_has_the_damage_of_its_target(folder):
     found = duralab.forecast_schedule(duralab.load_schedule(path))
     assert found.forecast.unknown_damage == ("square",)
     assert "The damage of square is not known and not counted." in str(found)
+
+
+def test_what_is_not_read_of_a_drive_file_is_named(folder):
+    time, rows = np.arange(500) / 1000, [(name, np.zeros(500), "m") for name in synthetic_campaign.NAMES]
+    with asammdf.MDF(version="4.10") as measurement:
+        rows.append(("gear", np.full(500, b"D"), ""))
+        measurement.append(
+            [asammdf.Signal(row, time, name=name, unit=unit, encoding="utf-8") for name, row, unit in rows]
+        )
+        measurement.save(folder / "drive.mf4", overwrite=True)
+    path = folder / "text.yaml"
+    path.write_text(f"name: files\nrig: {RIG}\nevents:\n  square: {{drive: drive.mf4, repeats: 10}}\n")
+    table = str(duralab.forecast_schedule(duralab.load_schedule(path)))
+    assert "file drive.mf4 (channels that are not real numbers are left out: gear)" in table
 
 
 def loads_of(folder, name, *, units, scale=1.0):

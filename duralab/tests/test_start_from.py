@@ -2,14 +2,16 @@
 
 from pathlib import Path
 
+import asammdf
 import numpy as np
 import pytest
 import yaml
 
 from duralab.campaign import load_campaign, parse_campaign
-from duralab.data import Channel, Signals
+from duralab.data import Channel, Rig, Signals
 from duralab.errors import InputError
-from duralab.lab.known_before import put_first_drive, section_campaign
+from duralab.lab.known_before import fill_known, put_first_drive, section_campaign
+from duralab.lab.recordings_folder import RecordingsPlace
 from duralab_proto.v1 import iterator_pb2
 
 DEMO = yaml.safe_load(load_campaign("front_axle_demo").text)
@@ -66,6 +68,22 @@ def test_a_first_drive_stands_at_its_place_between_zeros():
     assert not specification.known.first_drive.HasField("response")
     with pytest.raises(InputError, match=r"lasts 2 s; the target lasts 1\.5 s: cut the drive"):
         put_first_drive(specification_of(150), drive, None, source="before")
+
+
+def test_what_is_not_read_of_a_first_drive_is_named(tmp_path):
+    time = np.arange(200) / 100
+    with asammdf.MDF(version="4.10") as measurement:
+        rows = (("left", np.ones(200), "m"), ("gear", np.full(200, b"D"), ""))
+        signals = [asammdf.Signal(row, time, name=name, unit=unit, encoding="utf-8") for name, row, unit in rows]
+        measurement.append(signals)
+        measurement.save(tmp_path / "first.mf4")
+    left = Channel("left", "m", 0, -1.0, 1.0)
+    rig = Rig("rig", "", "", "", 100.0, (left,), (), 60.0, np.zeros(0), "")
+    specification = specification_of(200)
+    start = campaign(drive="first.mf4").start_from
+    note = fill_known(specification, start, ask=None, rig=rig, place=RecordingsPlace(), folder=tmp_path)
+    assert note == "Channels that are not real numbers are left out: gear."
+    assert specification.known.first_drive.drive.samples.shape[1] == 200
 
 
 def test_the_paths_of_a_start_are_texts_of_the_file():

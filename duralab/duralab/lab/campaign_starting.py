@@ -134,7 +134,9 @@ def specified(
         specification.target_drive.CopyFrom(made.driven.to_message())
         specification.target_rig, specification.target_seed = plan.target.vehicle or "", plan.seed
     if plan.start_from is not None:
-        fill_known(specification, plan.start_from, ask=lab.ask, rig=rig, place=lab.place, folder=plan.folder)
+        left_out = fill_known(specification, plan.start_from, ask=lab.ask, rig=rig, place=lab.place, folder=plan.folder)
+        if left_out:
+            on_progress(RunProgress(Stage.TARGET, f"{plan.start_from.drive}: {left_out}", 0.0, -1.0, lasting=True))
         if after is not None and plan.start_from.section is not None:
             name = after.specification.id
             drive, response = best_playback(after.recording, name=name, field="start_from.section")

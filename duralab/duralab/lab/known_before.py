@@ -14,6 +14,7 @@ import numpy as np
 from duralab.campaign import Campaign, EditStep, StartFrom, Stretch, Taper, TaperLevel
 from duralab.data import Rig, Signals
 from duralab.errors import InputError, LabError
+from duralab.formats import LEFT_OUT
 from duralab.lab.campaign_result import CampaignResult
 from duralab.lab.campaign_running import recording_file
 from duralab.lab.client import LabClient, require_one
@@ -40,12 +41,13 @@ def fill_known(
     rig: Rig,
     place: RecordingsPlace,
     folder: Path,
-) -> None:
+) -> str:
     """Add the start of a campaign to its specification; raises InputError if a source is missing or does not fit.
 
     `rig`: Rig of the campaign. `place`: Place of the lab's recordings. `folder`: Base of relative paths.
+    Returns: Sentence that names the channels of the drive file that are not read; empty without such channels.
     """
-    known = specification.known
+    known, left_out = specification.known, ""
     if start.model is not None:
         with _recording(start.model, ask=ask, folder=folder, field="start_from.model") as recording:
             model = recording.model_message
@@ -64,6 +66,7 @@ def fill_known(
     if start.drive is not None:
         drive, response = _first_drive(start.drive, ask=ask, rig=rig, folder=folder)
         put_first_drive(specification, drive, response, source=start.drive)
+        left_out = drive.attributes.get(LEFT_OUT, "")
     for given in start.learn_from:
         path, id = recording_file(given), given
         if path is not None:
@@ -74,6 +77,7 @@ def fill_known(
         else:
             require_one(ask.key("start_from.learn_from", ask.bus.keys.recording, id))
         known.learn_from.append(id)
+    return left_out
 
 
 def put_first_drive(

@@ -9,7 +9,7 @@ from pathlib import Path
 from duralab.campaign import Judgement
 from duralab.data import Signals
 from duralab.errors import InputError
-from duralab.formats import convert_units, read_signals
+from duralab.formats import LEFT_OUT, convert_units, read_signals
 from duralab.near_files import did_you_mean
 from duralab.output_files import recording_in
 from duralab.recording import Recording, open_recording
@@ -107,7 +107,10 @@ def _prepared(schedule: Schedule, event: Event, recordings: Path | None) -> Prep
             raise InputError(f"target is {event.target}; the recording {path} holds its own, so leave it out.")
         return _from_recording(open_recording(path), schedule.rig, exponent, accepted=event.missed_target_accepted)
     target = None if event.target is None else signals_in_si(schedule.folder / event.target)
-    return PreparedEvent(signals_in_si(path), target, None, f"file {path.name}", "", exponent)
+    drive = signals_in_si(path)
+    left_out = drive.attributes.get(LEFT_OUT, "").rstrip(".")
+    note = f" ({left_out[0].lower()}{left_out[1:]})" if left_out else ""
+    return PreparedEvent(drive, target, None, f"file {path.name}{note}", "", exponent)
 
 
 def signals_in_si(path: Path) -> Signals:
