@@ -32,8 +32,8 @@ LOSSES: Final = (
     ("bushing, 30 %", {BUSHING: Lost(stiffness=0.3, damping=0.3)}, "#1b5e9b"),
     ("tie rod cracked, 80 %", {"left_tie_rod": Lost(stiffness=0.8, damping=0.8)}, "#c0562a"),
 )
-#: Names of roads by their seed.
-ROADS: Final = {"road": 8608, "other road": 77, "third road": 11}
+#: Seed of the road, and seconds, by name.
+TARGETS: Final = {"road": (8608, 20.0), "other road": (77, 20.0), "third road": (11, 20.0), "a minute": (77, 60.0)}
 #: Ends of the new specimen's campaign: largest error of a channel, or None for its last playback.
 ENDS: Final = {"every channel ≤ 10 %": 0.1, "every channel ≤ 5 %": 0.05, "after all playbacks": None}
 _CORRECTIONS: Final = 3
@@ -44,23 +44,23 @@ _NEW_NOISE, _WORN_NOISE = 2000, 7000
 
 @dataclass(frozen=True)
 class Extent:
-    """Extent of the study: seconds of a target, playbacks of a new specimen, roads."""
+    """Extent of the study: seconds of the longest target, playbacks of a new specimen, targets."""
 
-    seconds: float
+    longest: float
     playbacks: int
-    roads: int
+    targets: int
 
 
-FULL: Final = Extent(20.0, 8, len(ROADS))
+FULL: Final = Extent(60.0, 8, len(TARGETS))
 QUICK: Final = Extent(5.0, 2, 1)
 
 
 @dataclass(frozen=True)
 class Ended:
-    """Campaign of a new specimen: name of its end and road, playbacks made, the last one."""
+    """Campaign of a new specimen: name of its end and target, playbacks made, the last one."""
 
     end: str
-    road: str
+    target: str
     playbacks: int
     last: Iteration
 
@@ -81,14 +81,14 @@ def study(quick: bool) -> Findings:
     extent = QUICK if quick else FULL
     ends: list[Ended] = []
     corrected: list[Corrected] = []
-    for road, seed in tuple(ROADS.items())[: extent.roads]:
-        target = faded_target(extent.seconds, seed=seed)
+    for name, (seed, seconds) in tuple(TARGETS.items())[: extent.targets]:
+        target = faded_target(min(seconds, extent.longest), seed=seed)
         found = identify_mapped(NAME, 1.0 / rms(target), level=LEVEL, seconds=75.0, seed=1)
         new = campaign(
             target, found, playing(RIG.changed(), seed=_NEW_NOISE), update=SECANT, playbacks=extent.playbacks
         )
         for end, largest in ENDS.items():
-            ended = ended_at(new, largest, end=end, road=road)
+            ended = ended_at(new, largest, end=end, target=name)
             ends.append(ended)
             corrected += [correct(target, found, ended, loss) for loss in range(len(LOSSES))]
     figure, axes = plt.subplots(1, len(ENDS), figsize=(13.5, 4.6), layout="constrained", sharey=True)
@@ -149,11 +149,11 @@ def campaign(
     return tuple(steps)
 
 
-def ended_at(new: tuple[Iteration, ...], largest: float | None, *, end: str, road: str) -> Ended:
+def ended_at(new: tuple[Iteration, ...], largest: float | None, *, end: str, target: str) -> Ended:
     """Return the campaign up to the first playback whose channels are all accepted; up to the last one otherwise."""
     accepted = [step for step in new if largest is not None and step.metrics.relative_rms_error.max() <= largest]
     last = (accepted or new[-1:])[0]
-    return Ended(end, road, last.number, last)
+    return Ended(end, target, last.number, last)
 
 
 def correct(target: NDArray[np.float64], found: Identified, ended: Ended, number: int) -> Corrected:
@@ -181,17 +181,17 @@ def relative_error(target: NDArray[np.float64], response: NDArray[np.float64]) -
 
 def draw(axes: Axes, end: str, ends: list[Ended], corrected: list[Corrected]) -> None:
     """Draw the error over all channels after each playback, and where it was when new."""
-    first = ends[0].road
+    first = ends[0].target
     for each in corrected:
         if each.ended.end == end:
-            named = each.loss if each.ended.road == first else None
+            named = each.loss if each.ended.target == first else None
             axes.semilogy(
                 np.arange(each.overall.size), 100.0 * each.overall, marker="o", ms=3.0, color=each.colour, label=named
             )
     for each in ends:
         if each.end == end:
             level = 100.0 * each.last.metrics.overall_relative_rms_error
-            named = "new specimen" if each.road == first else None
+            named = "new specimen" if each.target == first else None
             axes.axhline(level, color="0.4", linestyle=":", label=named)
     axes.set_xticks(range(_CORRECTIONS + 1))
     label(axes, f"campaign ended: {end}", across="playbacks of the correction", up="error over all channels, %")
@@ -199,13 +199,13 @@ def draw(axes: Axes, end: str, ends: list[Ended], corrected: list[Corrected]) ->
 
 def table(ends: list[Ended], corrected: list[Corrected]) -> str:
     """Write the errors when noticed and after the best of the playbacks, and those of the new specimen."""
-    head = ["campaign ended, road, playbacks", "new: all channels / worst"]
+    head = ["campaign ended, target, playbacks", "new: all channels / worst"]
     head += [f"{name}: noticed → corrected" for name, _, _ in LOSSES]
     rows = []
     for ended in ends:
         metrics = ended.last.metrics
         new = (metrics.overall_relative_rms_error, metrics.relative_rms_error.max())
-        row = [f"{ended.end}, {ended.road}, {ended.playbacks}", " / ".join(percent(each) for each in new)]
+        row = [f"{ended.end}, {ended.target}, {ended.playbacks}", " / ".join(percent(each) for each in new)]
         for each in corrected:
             if each.ended is ended:
                 best = int(np.argmin(each.overall[1:])) + 1

@@ -86,7 +86,7 @@ def _settings(update: iterator_pb2.UpdateSettings) -> list[str]:
             f"regularisation {secant.regularisation:g}",
             *(["odd terms"] if secant.odd_terms else []),
             *(["rate limits"] if secant.rate_limits else []),
-            *(["each line alone"] if secant.each_line else []),
+            *(["lines of the whole record"] if secant.whole_record else []),
         ]
     return []
 

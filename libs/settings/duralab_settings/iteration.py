@@ -97,9 +97,10 @@ class SecantSettings(Section):
         description="Learn at which speed an actuator stops following its drive, and begin its motion earlier in "
         "stretches with a large error.",
     )
-    each_line: bool = Field(
+    whole_record: bool = Field(
         default=False,
-        description="Fit each frequency line alone, not averaged with its neighbours: finer, from fewer averages.",
+        description="Fit each frequency line to the finer lines of the whole record around it, not to averaged blocks: "
+        "follows a rig that differs much from its identified model.",
     )
 
 

@@ -19,6 +19,7 @@ RENAMED: Final = {
     "update.prior_strength": "update.secant.prior_strength",
     "update.caution": "update.secant.caution",
     "update.regularisation": "update.secant.regularisation",
+    "update.secant.each_line": "update.secant.whole_record",
 }
 """Old path of a key and new one; `*` is a placeholder for a name that the user gives."""
 

@@ -152,22 +152,22 @@ PRE_TEST_CHECK_LAG: PreTestCheck
 PRE_TEST_CHECK_GAIN: PreTestCheck
 
 class SecantSettings(_message.Message):
-    __slots__ = ("forgetting", "prior_strength", "caution", "regularisation", "odd_terms", "each_line", "rate_limits")
+    __slots__ = ("forgetting", "prior_strength", "caution", "regularisation", "odd_terms", "whole_record", "rate_limits")
     FORGETTING_FIELD_NUMBER: _ClassVar[int]
     PRIOR_STRENGTH_FIELD_NUMBER: _ClassVar[int]
     CAUTION_FIELD_NUMBER: _ClassVar[int]
     REGULARISATION_FIELD_NUMBER: _ClassVar[int]
     ODD_TERMS_FIELD_NUMBER: _ClassVar[int]
-    EACH_LINE_FIELD_NUMBER: _ClassVar[int]
+    WHOLE_RECORD_FIELD_NUMBER: _ClassVar[int]
     RATE_LIMITS_FIELD_NUMBER: _ClassVar[int]
     forgetting: float
     prior_strength: float
     caution: float
     regularisation: float
     odd_terms: bool
-    each_line: bool
+    whole_record: bool
     rate_limits: bool
-    def __init__(self, forgetting: _Optional[float] = ..., prior_strength: _Optional[float] = ..., caution: _Optional[float] = ..., regularisation: _Optional[float] = ..., odd_terms: _Optional[bool] = ..., each_line: _Optional[bool] = ..., rate_limits: _Optional[bool] = ...) -> None: ...
+    def __init__(self, forgetting: _Optional[float] = ..., prior_strength: _Optional[float] = ..., caution: _Optional[float] = ..., regularisation: _Optional[float] = ..., odd_terms: _Optional[bool] = ..., whole_record: _Optional[bool] = ..., rate_limits: _Optional[bool] = ...) -> None: ...
 
 class DriveMapSettings(_message.Message):
     __slots__ = ("learn",)

@@ -184,7 +184,7 @@ def test_all_settings_of_update_and_end_reach_the_core():
     update.kind, update.accept_segments = iterator_pb2.UPDATE_KIND_SECANT, True
     update.secant.forgetting, update.secant.prior_strength = 0.6, 0.4
     update.secant.caution, update.secant.regularisation = 0.2, 1e-4
-    update.secant.odd_terms, update.secant.each_line = False, True
+    update.secant.odd_terms, update.secant.whole_record = False, True
     update.gain_schedule.extend([0.7, 1.0])
     with_curve(spec, [5.0, 50.0], [[1.0, 0.5], [0.5, 0.5]])
     stop.smallest_damage_ratio, stop.largest_damage_ratio, stop.damage_exponent = 0.8, 1.25, 8.0
@@ -201,7 +201,7 @@ def test_all_settings_of_update_and_end_reach_the_core():
         regularisation=1e-4,
         odd_terms=False,
         rate_limits=False,
-        each_line=True,
+        whole_record=True,
     )
     assert (made.gain_curve_frequency, made.gain_curve_share) == ((5.0, 50.0), ((1.0, 0.5), (0.5, 0.5)))
     assert plan.settings.stop == StopCriteria(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.signal import butter, sosfiltfilt
 
-from duralab_settings import LimitPolicy, StopCriteria, UpdateKind
+from duralab_settings import LimitPolicy, SecantSettings, StopCriteria, UpdateKind
 from duralab_spectra import rms
 from iterator import (
     NO_BOUNDS,
@@ -300,13 +300,16 @@ def test_terms_that_foresee_no_better_are_left_out():
     def foreseen(*left):
         return tuple(ForeseenStep(step, None, shares) for shares in left)
 
-    candidates = ((), ODD_TERMS)
-    gate = partial(terms_that_foresee, candidates=candidates, forgetting=0.5)
+    candidates, settings = ((), ODD_TERMS), SecantSettings(forgetting=0.5)
+    gate = partial(terms_that_foresee, candidates=candidates, settings=settings)
     first = (0.2, 0.15)
     # Of the first step, which is not foreseen, squares have to explain most. Odd terms resemble the drives.
-    squares = partial(terms_that_foresee, candidates=((), (DriveTerm.SQUARE,)), forgetting=0.5)
-    assert squares(foreseen(first)) == ()
-    assert squares(foreseen((0.2, 0.05))) == (DriveTerm.SQUARE,)
+    squares = partial(terms_that_foresee, candidates=((), (DriveTerm.SQUARE,)))
+    assert squares(foreseen(first), settings=settings) == ()
+    assert squares(foreseen((0.2, 0.05)), settings=settings) == (DriveTerm.SQUARE,)
+    of_records = settings.model_copy(update={"whole_record": True})
+    assert squares(foreseen(first), settings=of_records) == ()
+    assert squares(foreseen((0.2, 0.13)), settings=of_records) == (DriveTerm.SQUARE,)
     assert gate(foreseen((0.2, 0.05))) == ()
     assert gate(foreseen(first, (0.4, 0.2))) == ODD_TERMS
     assert gate(foreseen(first, (0.4, 0.39))) == ()

@@ -8,6 +8,7 @@ from iterator.model.inversion import cautious_inverse, checked_response_weight, 
 from iterator.model.rate_limit import RateLimit, equivalent_drive
 from iterator.model.rig import FEWEST_LINES, ModelUncertainty, RigModel, driven_lines, rig_model
 from iterator.model.step_spectra import ForeseenStep, SeenStep, StepBlocks, StepSpectra, averaged_steps, seen_steps
+from iterator.model.whole_records import WholeRecords
 
 __all__ = [
     "FEWEST_LINES",
@@ -23,6 +24,7 @@ __all__ = [
     "SeenStep",
     "StepBlocks",
     "StepSpectra",
+    "WholeRecords",
     "apply_inverse",
     "averaged_steps",
     "cautious_inverse",

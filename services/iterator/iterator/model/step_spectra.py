@@ -165,6 +165,14 @@ def averaged_steps(
     return StepSpectra(smooth_lines(cross)[fitted], smooth_lines(drive)[fitted], smooth_lines(response)[fitted])
 
 
+def term_change(term: DriveTerm, start: Playback | None, end: Playback) -> NDArray[np.float64]:
+    """Return the change of a nonlinear term of the drives, without its mean, which would leak into the lowest lines."""
+    change = term.values(end.drive)
+    if start is not None:
+        change -= term.values(start.drive)
+    return np.asarray(change - np.mean(change, axis=1, keepdims=True))
+
+
 def _seen(start: Playback | None, end: Playback, blocks: StepBlocks, padded: NDArray[np.float64]) -> SeenStep:
     n_y, n_u, half = end.response.shape[0], end.drive.shape[0], blocks.block_samples // 2
     step_y, step_u, *of_terms = (
@@ -173,11 +181,7 @@ def _seen(start: Playback | None, end: Playback, blocks: StepBlocks, padded: NDA
     np.subtract(end.response, 0.0 if start is None else start.response, out=step_y)
     np.subtract(end.drive, 0.0 if start is None else start.drive, out=step_u)
     for term, step_f in zip(blocks.terms, of_terms, strict=True):
-        change = term.values(end.drive)
-        if start is not None:
-            change -= term.values(start.drive)
-        # A square has a mean, which would leak into the lowest lines.
-        np.subtract(change, np.mean(change, axis=1, keepdims=True), out=step_f)
+        step_f[:] = term_change(term, start, end)
     averages = CrossSpectra(
         n_y,
         padded.shape[0] - n_y,

@@ -14,8 +14,9 @@ from iterator.updates.secant_fit import SecantFit
 
 # Share of the energy left by a smaller set of terms, below which a larger set has to stay to be used.
 _GATE: Final = 0.9
-# The same for the first step, which no fit could predict: an arc leaves a tenth, a false one far more.
-_GATE_OF_FIRST: Final = 0.5
+# The same for the first step, which no fit could predict: an arc leaves a tenth, a false one far more. A fit to the
+# lines of whole records leaves less without arcs, too, see decision 41.
+_GATE_OF_FIRST, _GATE_OF_FIRST_RECORD = 0.5, 0.7
 # Share of the energy below which the prediction is complete: rounding residue says nothing about terms.
 _ALL_FORESEEN: Final = 1e-6
 
@@ -43,7 +44,7 @@ def foreseen_steps(
         if known is None or known.step is not step or known.fitted_with != fitted_with:
             before = ()
             spectra = averaged_steps(
-                (step,), forgetting=1.0, response_weight=response_weight, each_line=settings.each_line
+                (step,), forgetting=1.0, response_weight=response_weight, each_line=settings.whole_record
             )
             energy = float(np.sum(spectra.response @ response_weight**2))
             earlier = steps[: max(number, 1)]
@@ -60,7 +61,7 @@ def _left(spectra: StepSpectra, step: SeenStep, found: SecantFit, terms: tuple[D
 
 
 def terms_that_foresee(
-    foreseen: tuple[ForeseenStep, ...], candidates: Sequence[tuple[DriveTerm, ...]], *, forgetting: float
+    foreseen: tuple[ForeseenStep, ...], candidates: Sequence[tuple[DriveTerm, ...]], *, settings: SecantSettings
 ) -> tuple[DriveTerm, ...]:
     """Return the candidate that predicts the steps best: from the smallest, a larger one only if it leaves far less.
 
@@ -70,16 +71,16 @@ def terms_that_foresee(
     explain most of it, and odd terms, which resemble the drives, would only replace the part that the prior
     withholds.
     """
-    used = 0
+    used, gate_of_first = 0, _GATE_OF_FIRST_RECORD if settings.whole_record else _GATE_OF_FIRST
     for number in range(1, len(foreseen) + 1):
         steps = foreseen[1:number] or foreseen[:1]
-        count = np.array([forgetting**age for age in reversed(range(len(steps)))])
+        count = np.array([settings.forgetting**age for age in reversed(range(len(steps)))])
         left = count @ np.array([step.left for step in steps]) / np.sum(count)
         used = int(np.argmin(left[: used + 1]))
         for larger in range(used + 1, len(candidates)):
             if number == 1 and set(candidates[larger]) & set(ODD_TERMS):
                 continue
-            if left[larger] < (_GATE if number > 1 else _GATE_OF_FIRST) * left[used] and left[used] > _ALL_FORESEEN:
+            if left[larger] < (_GATE if number > 1 else gate_of_first) * left[used] and left[used] > _ALL_FORESEEN:
                 used = larger
     return candidates[used]
 

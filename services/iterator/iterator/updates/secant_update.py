@@ -17,6 +17,7 @@ from iterator.model import (
     SeenStep,
     StepBlocks,
     StepSpectra,
+    WholeRecords,
     averaged_steps,
     cautious_inverse,
     driven_lines,
@@ -150,16 +151,16 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
     identified = model.frf if model.identified_frf is None else model.identified_frf
     scale = _drive_scale(history, model, lines)
     identification_drive = _identification_drive(model, lines, scale)
-    averages = blocks.independent_averages(history.target.shape[1])
+    records = WholeRecords(model, identified) if secant.whole_record else None
+    blocks_averaged = blocks.independent_averages(history.target.shape[1])
     # Of the first steps, by their number: each candidate is fitted to the same ones.
     averaged: dict[int, StepSpectra] = {}
     of_drives: dict[tuple[int, float], MatrixAndSpread] = {}
 
     def fit(steps: tuple[SeenStep, ...], terms: tuple[DriveTerm, ...], prior_strength: float) -> SecantFit:
         if len(steps) not in averaged:
-            averaged[len(steps)] = averaged_steps(
-                steps, forgetting=secant.forgetting, response_weight=weight, each_line=secant.each_line
-            )
+            average = averaged_steps if records is None else records.averaged
+            averaged[len(steps)] = average(steps, forgetting=secant.forgetting, response_weight=weight)
         fitted_with = len(steps), prior_strength
         found = fit_secant(
             averaged[len(steps)].of_inputs(kept_inputs(steps[0].blocks.terms, terms, drives=scale.size)),
@@ -168,7 +169,7 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
             prior_strength=prior_strength,
             response_weight=weight,
             drive_scale=scale,
-            averages=averages,
+            averages=blocks_averaged if records is None else records.averages(steps, forgetting=secant.forgetting),
             of_drives=of_drives.get(fitted_with),
         )
         of_drives[fitted_with] = found.of_drives
@@ -183,7 +184,7 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
         response_weight=weight,
         before=model.foreseen_steps,
     )
-    terms = terms_that_foresee(foreseen, candidates, forgetting=secant.forgetting)
+    terms = terms_that_foresee(foreseen, candidates, settings=secant)
     prior_strength = weaker if set(terms) & set(ODD_TERMS) else secant.prior_strength
     found = fit(steps, terms, prior_strength)
     frf, inverse = identified.copy(), model.inverse_frf.copy()
