@@ -96,31 +96,36 @@ class WholeRecords:
         blocks, samples = step.blocks, step.after.drive.shape[1]
         length = cast(int, next_fast_len(samples + blocks.block_samples, real=True))
         per_line = length / blocks.block_samples
-        centre = np.rint(np.arange(blocks.first, blocks.last + 1) * per_line).astype(np.intp)
         reach = max(_REACH * per_line, _FEWEST * length / samples)
-        around = centre[:, None] + np.arange(-int(reach), int(reach) + 1)
-        distance = (around - centre[:, None]) / reach
-        weight = (1.0 - np.abs(distance) ** 3) ** 3
-        weight[(around <= 0) | (around > length // 2)] = 0.0
-        weight /= np.sum(weight, axis=1, keepdims=True)
-        around = np.clip(around, 0, length // 2)
-        first, last = int(around.min()), int(around.max()) + 1
+        # Not 0 Hz, where a response in a band has nothing.
+        begin = max(int(blocks.first * per_line - reach), 1)
+        end = min(int(blocks.last * per_line + reach) + 1, length // 2)
         before, after = step.before, step.after
         changes = [after.drive if before is None else after.drive - before.drive]
         changes += [term_change(term, before, after) for term in blocks.terms]
-        drive, *terms = (np.fft.rfft(change, n=length, axis=1)[:, first:last] for change in changes)
+        inputs = np.concatenate([np.fft.rfft(change, n=length, axis=1)[:, begin : end + 1] for change in changes])
+        drives = after.drive.shape[0]
         response = after.response if before is None else after.response - before.response
-        lacking = np.fft.rfft(response, n=length, axis=1)[:, first:last]
-        frequency = np.arange(first, last, dtype=np.float64) * (blocks.sample_rate / length)
+        frequency = np.arange(begin, end + 1, dtype=np.float64) * (blocks.sample_rate / length)
         at = np.clip(frequency, float(self._frequency[0]), float(self._frequency[-1]))
-        lacking = lacking - InterpolatedMatrix(self._frequency, self._known, at=at).times(np.ascontiguousarray(drive))
-        around -= first
-        near = [np.moveaxis(part[:, around], 1, 0) for part in (drive, *terms)]
-        inputs = np.concatenate([*near, near[0] * distance[:, None]], axis=1)
-        weighted = (inputs * weight[:, None]).conj().swapaxes(1, 2)
-        lacking = np.moveaxis(lacking[:, around], 1, 0)
-        energy = np.einsum("flk,fk->fl", np.abs(lacking) ** 2, weight)
-        return inputs @ weighted, lacking @ weighted, energy
+        predicted = InterpolatedMatrix(self._frequency, self._known, at=at).times(inputs[:drives])
+        lacking = np.fft.rfft(response, n=length, axis=1)[:, begin : end + 1] - predicted
+        lines, n_y, columns = blocks.last + 1 - blocks.first, lacking.shape[0], inputs.shape[0] + drives
+        of_inputs = np.empty((lines, columns, columns), dtype=np.complex128)
+        of_lacking = np.empty((lines, n_y, columns), dtype=np.complex128)
+        energy = np.empty((lines, n_y))
+        for row in range(lines):
+            centre = round((blocks.first + row) * per_line)
+            around = np.arange(max(centre - int(reach), begin), min(centre + int(reach), end) + 1)
+            distance = (around - centre) / reach
+            weight = (1.0 - np.abs(distance) ** 3) ** 3
+            weight /= np.sum(weight)
+            near = slice(around[0] - begin, around[-1] + 1 - begin)
+            near_inputs = np.concatenate([inputs[:, near], inputs[:drives, near] * distance])
+            weighted = (near_inputs * weight).conj().T
+            of_inputs[row], of_lacking[row] = near_inputs @ weighted, lacking[:, near] @ weighted
+            energy[row] = np.square(np.abs(lacking[:, near])) @ weight
+        return of_inputs, of_lacking, energy
 
 
 def _one_over_energy_near(step: SeenStep, response_weight: NDArray[np.float64]) -> NDArray[np.float64]:
