@@ -15,8 +15,8 @@ from sequencer.endurance.iterate_again import update_of_worn
 STUDIES = Path(__file__).resolve().parents[2] / "studies"
 RIG = "front_axle_wearing"
 # Over the error of the new specimen after eight playbacks. The goal for every wear is ALLOWED. Large changes miss it
-# (measured: 1.53 at most), and SO_FAR only keeps them from becoming worse.
-ALLOWED, SO_FAR = 1.1, 1.6
+# (measured: 1.37 at most), and SO_FAR only keeps them from becoming worse.
+ALLOWED, SO_FAR = 1.1, 1.45
 
 
 def error(step):

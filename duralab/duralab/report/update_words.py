@@ -85,6 +85,7 @@ def _settings(update: iterator_pb2.UpdateSettings) -> list[str]:
             f"caution {secant.caution:g}",
             f"regularisation {secant.regularisation:g}",
             *(["odd terms"] if secant.odd_terms else []),
+            *(["speeds of the drives"] if secant.speed_terms else []),
             *(["rate limits"] if secant.rate_limits else []),
             *(["lines of the whole record"] if secant.whole_record else []),
         ]

@@ -92,6 +92,11 @@ class SecantSettings(Section):
         description="Learn what cubes and signed squares of the drives do, and use them while they predict the "
         "playbacks better than the drives alone.",
     )
+    speed_terms: bool = Field(
+        default=False,
+        description="Learn what the speeds of the drives do, as in dampers and friction, and use them while they "
+        "predict the playbacks better than the drives alone.",
+    )
     rate_limits: bool = Field(
         default=True,
         description="Learn at which speed an actuator stops following its drive, and begin its motion earlier in "

@@ -152,7 +152,7 @@ PRE_TEST_CHECK_LAG: PreTestCheck
 PRE_TEST_CHECK_GAIN: PreTestCheck
 
 class SecantSettings(_message.Message):
-    __slots__ = ("forgetting", "prior_strength", "caution", "regularisation", "odd_terms", "whole_record", "rate_limits")
+    __slots__ = ("forgetting", "prior_strength", "caution", "regularisation", "odd_terms", "whole_record", "rate_limits", "speed_terms")
     FORGETTING_FIELD_NUMBER: _ClassVar[int]
     PRIOR_STRENGTH_FIELD_NUMBER: _ClassVar[int]
     CAUTION_FIELD_NUMBER: _ClassVar[int]
@@ -160,6 +160,7 @@ class SecantSettings(_message.Message):
     ODD_TERMS_FIELD_NUMBER: _ClassVar[int]
     WHOLE_RECORD_FIELD_NUMBER: _ClassVar[int]
     RATE_LIMITS_FIELD_NUMBER: _ClassVar[int]
+    SPEED_TERMS_FIELD_NUMBER: _ClassVar[int]
     forgetting: float
     prior_strength: float
     caution: float
@@ -167,7 +168,8 @@ class SecantSettings(_message.Message):
     odd_terms: bool
     whole_record: bool
     rate_limits: bool
-    def __init__(self, forgetting: _Optional[float] = ..., prior_strength: _Optional[float] = ..., caution: _Optional[float] = ..., regularisation: _Optional[float] = ..., odd_terms: _Optional[bool] = ..., whole_record: _Optional[bool] = ..., rate_limits: _Optional[bool] = ...) -> None: ...
+    speed_terms: bool
+    def __init__(self, forgetting: _Optional[float] = ..., prior_strength: _Optional[float] = ..., caution: _Optional[float] = ..., regularisation: _Optional[float] = ..., odd_terms: _Optional[bool] = ..., whole_record: _Optional[bool] = ..., rate_limits: _Optional[bool] = ..., speed_terms: _Optional[bool] = ...) -> None: ...
 
 class DriveMapSettings(_message.Message):
     __slots__ = ("learn",)

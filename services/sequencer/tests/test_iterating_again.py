@@ -22,7 +22,7 @@ def test_the_new_steps_count_more_than_the_old_model_and_everything_else_stays()
     )
     after = update_of_worn(before)
     assert after.iteration_gain == pytest.approx((0.9, 0.45))
-    assert after.secant == SecantSettings(forgetting=0.3, prior_strength=0.1, caution=0.5, whole_record=True)
+    assert after.secant == SecantSettings(forgetting=0.5, prior_strength=0.1, speed_terms=True, whole_record=True)
     unchanged = {"secant": before.secant, "iteration_gain": before.iteration_gain}
     assert after.model_copy(update=unchanged) == before
 
@@ -30,7 +30,7 @@ def test_the_new_steps_count_more_than_the_old_model_and_everything_else_stays()
 def test_what_a_person_made_to_follow_faster_stays_so():
     secant = SecantSettings(forgetting=0.1, prior_strength=0.01, caution=0.2)
     after = update_of_worn(ResolvedUpdate(kind=UpdateKind.SECANT, iteration_gain=(1.0,), secant=secant))
-    assert after.secant == secant.model_copy(update={"whole_record": True})
+    assert after.secant == secant.model_copy(update={"speed_terms": True, "whole_record": True})
 
 
 def test_a_message_holds_the_settings_also_where_it_had_none_of_the_secant_update():

@@ -1,7 +1,7 @@
 """Model of the rig in the frequency domain: its inverse, both applied to records, and the playbacks that correct it."""
 
 from iterator.model.applied_model import apply_inverse, drive_without, predict, stepped_drive
-from iterator.model.drive_terms import ODD_TERMS, DriveTerm
+from iterator.model.drive_terms import ODD_TERMS, SPEED_TERMS, DriveTerm, speed_of_lines
 from iterator.model.history import IterationHistory, Playback
 from iterator.model.interpolated_product import InterpolatedMatrix
 from iterator.model.inversion import cautious_inverse, checked_response_weight, gram_and_ridge
@@ -13,6 +13,7 @@ from iterator.model.whole_records import WholeRecords
 __all__ = [
     "FEWEST_LINES",
     "ODD_TERMS",
+    "SPEED_TERMS",
     "DriveTerm",
     "ForeseenStep",
     "InterpolatedMatrix",
@@ -36,5 +37,6 @@ __all__ = [
     "predict",
     "rig_model",
     "seen_steps",
+    "speed_of_lines",
     "stepped_drive",
 ]

@@ -16,9 +16,6 @@ _CONTRADICTED: Final = 0.3
 _WEAKEST_PRIOR: Final = 0.1
 # Share of the responses' energy below which a residual is rounding.
 _ROUNDING: Final = 1e-12
-# Prior strength of the further inputs, whose anchor is zero, relative to the energy of each: it keeps the solution
-# stable if they resemble each other, and withholds 3 % of their effect.
-_FURTHER_PRIOR: Final = 0.03
 
 
 @dataclass(frozen=True)
@@ -29,7 +26,8 @@ class AnchoredSteps:
     `responses_with_inputs`, shape (lines, n_y, n_v): Cross-spectra. `responses`, shape (lines, n_y): Auto-spectra.
     `weight`, shape (n_y,): Weight of a response's energy, 0 or more. `anchor`, shape (lines, n_y, n_u): Known matrix of
     the drives; 0 for further inputs. `prior`, shape (lines, n_u, n_u): Spectrum of the drives that the anchor was
-    identified with, up to a factor.
+    identified with, up to a factor. `further_prior`, shape (n_v - n_u,): Prior strength of the further inputs, whose
+    anchor is zero, relative to the energy of each: it keeps the solution stable if they resemble each other.
     """
 
     inputs: NDArray[np.complex128]
@@ -38,6 +36,7 @@ class AnchoredSteps:
     weight: NDArray[np.float64]
     anchor: NDArray[np.complex128]
     prior: NDArray[np.complex128]
+    further_prior: NDArray[np.float64]
 
     @property
     def drives(self) -> int:
@@ -54,6 +53,7 @@ class AnchoredSteps:
             self.weight,
             self.anchor,
             self.prior,
+            self.further_prior[:0],
         )
 
     def fit(self, prior_strength: float) -> tuple[NDArray[np.complex128], NDArray[np.complex128]]:
@@ -86,7 +86,7 @@ class AnchoredSteps:
         matrix[:, :n_u, :n_u] += share[:, None, None] * self.prior
         further = np.arange(n_u, power.shape[1])
         own = power[:, n_u:]
-        matrix[:, further, further] += np.where(own > 0.0, _FURTHER_PRIOR * own, 1.0)
+        matrix[:, further, further] += np.where(own > 0.0, self.further_prior * own, 1.0)
         # Further inputs have other units than the drives: levelling removes them from the inversion.
         diagonal = np.einsum("fii->fi", matrix).real
         level = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 1.0)

@@ -12,6 +12,8 @@ from duralab_spectra import smooth_lines
 from iterator.model import StepSpectra
 from iterator.updates.anchored_fit import AnchoredSteps
 
+PRIOR_OF_TERM: Final = 0.03
+"""Prior strength of a nonlinear term of the drives."""
 # Terms are noise if they leave more than the first share of the energy that the drives alone leave of a response; they
 # are used fully if they leave less than the second. Random plants converge equally with 0.6 and 0.2.
 _NOT_TRUSTED, _TRUSTED = 0.8, 0.4
@@ -51,6 +53,7 @@ def fit_secant(
     response_weight: NDArray[np.float64],
     drive_scale: NDArray[np.float64],
     averages: float,
+    further_prior: float | NDArray[np.float64] = PRIOR_OF_TERM,
     of_drives: MatrixAndSpread | None = None,
 ) -> SecantFit:
     """Fit `H_k = (S̄_ΔyΔu + H_0 Λ) P`, `P⁻¹ = S̄_ΔuΔu + Λ`, anchored at the identified `H_0` by the prior `Λ`.
@@ -65,7 +68,9 @@ def fit_secant(
     If the steps hold nonlinear terms of the drives, both fits are made, with and without. At each line and for each
     response the terms are weighted by how much less they leave unexplained than as many inputs of noise would.
 
-    `of_drives`: Fit of the drives alone if it was made before, of the same spectra with the same prior.
+    `further_prior`, shape () or (further inputs,): About the share of a term's effect that is withheld; the more terms
+    resemble each other, the larger it has to be. `of_drives`: Fit of the drives alone if it was made before, of the
+    same spectra with the same prior.
     """
     n_u, inputs = drive_scale.size, spectra.drive.shape[1]
     inverse_scale = np.concatenate((1.0 / drive_scale, np.ones(inputs - n_u)))
@@ -76,6 +81,7 @@ def fit_secant(
         weight=response_weight**2,
         anchor=identified_frf * drive_scale,
         prior=identification_drive / drive_scale[:, None] / drive_scale,
+        further_prior=np.broadcast_to(further_prior, inputs - n_u),
     )
     alone = of_drives or steps.of_drives_alone().fit(prior_strength)
     fitted, spread = _fit_and_spread(steps, prior_strength, alone, averages=averages)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from duralab_spectra import rms
 from iterator.model import (
     ODD_TERMS,
+    SPEED_TERMS,
     DriveTerm,
     IterationHistory,
     RigModel,
@@ -23,6 +24,7 @@ from iterator.model import (
     driven_lines,
     equivalent_drive,
     seen_steps,
+    speed_of_lines,
 )
 from iterator.updates import basic_twr
 from iterator.updates.drive_squares import drive_for_squares
@@ -36,21 +38,23 @@ from iterator.updates.rate_limits import (
     find_rate_limits,
     large_errors,
 )
-from iterator.updates.secant_fit import MatrixAndSpread, SecantFit, fit_secant
+from iterator.updates.secant_fit import PRIOR_OF_TERM, MatrixAndSpread, SecantFit, fit_secant
 from iterator.updates.settings import NextDrive, UpdateSettings
 
 # Strength of the identified model relative to `prior_strength` if odd terms are fitted: they explain the effect of the
 # level on the drives' own columns, and a strong prior prevents that.
 _PRIOR_WITH_TERMS: Final = 0.3
+# Prior strength of terms of speeds: the two of a drive resemble each other, and its speed.
+_PRIOR_OF_SPEED: Final = 0.1
 
 
 def next_drive(history: IterationHistory, model: RigModel, settings: UpdateSettings) -> NextDrive:
     """Fit the model to all steps played, invert it cautiously, and update the drive as in Eq. 2.
 
     If nonlinear terms of the drives predict the playbacks better than the drives alone, the step includes them: squares
-    by fixed point iteration; odd terms by least squares of the error that the fitted model predicts. If limits of
-    actuators explain what the playbacks lack, the model is fitted to what the actuators did, and the step is within
-    the limits.
+    by fixed point iteration; odd terms and those of speeds by least squares of the error that the fitted model
+    predicts. If limits of actuators explain what the playbacks lack, the model is fitted to what the actuators did, and
+    the step is within the limits.
 
     Source: C. G. Broyden's secant condition over several steps, as a regularised least-squares fit at each line; C. F.
     Gauss and I. Newton for the step.
@@ -89,7 +93,7 @@ def _step(history: IterationHistory, model: RigModel, settings: UpdateSettings) 
     learned = _learned(history, model, settings)
     rig, bent = learned.rig, learned.rig.model
     start = basic_twr.step_start(history, bent, settings)
-    if not set(bent.terms) & set(ODD_TERMS):
+    if not set(bent.terms) & {*ODD_TERMS, *SPEED_TERMS}:
         drive = start.drive_toward(history.target, band=settings.band)
         if bent.term_frf is not None and np.any(bent.term_frf):
             drive = drive_for_squares(drive, start, square_frf=bent.term_frf, band=settings.band)
@@ -145,7 +149,7 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
         sample_rate=settings.band.sample_rate,
         first=int(lines[0]),
         last=int(lines[-1]),
-        terms=candidates[-1],
+        terms=tuple(dict.fromkeys(term for terms in candidates for term in terms)),
     )
     steps = seen_steps(history, blocks, before=model.seen_steps, earlier=model.earlier)
     identified = model.frf if model.identified_frf is None else model.identified_frf
@@ -170,6 +174,7 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
             response_weight=weight,
             drive_scale=scale,
             averages=blocks_averaged if records is None else records.averages(steps, forgetting=secant.forgetting),
+            further_prior=np.repeat([_prior_of(term) for term in terms], scale.size),
             of_drives=of_drives.get(fitted_with),
         )
         of_drives[fitted_with] = found.of_drives
@@ -190,7 +195,8 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
     frf, inverse = identified.copy(), model.inverse_frf.copy()
     frf[lines] = found.frf
     if history.playbacks:
-        frf[lines] += _mean_slope(found, terms, history.playbacks[-1].drive)
+        speed = speed_of_lines(model.frequency[lines], sample_rate=settings.band.sample_rate)
+        frf[lines] += _mean_slope(found, terms, history.playbacks[-1].drive, speed=speed)
     uncertainty = secant.caution * found.uncertainty
     inverse[lines] = cautious_inverse(
         found.frf,
@@ -225,21 +231,33 @@ def _learned(history: IterationHistory, model: RigModel, settings: UpdateSetting
     return _Learned(rig, found)
 
 
-def _mean_slope(found: SecantFit, terms: tuple[DriveTerm, ...], drive: NDArray[np.float64]) -> NDArray[np.complex128]:
-    """Return the contribution of odd terms to the FRF around a drive, averaged over time: predictions are linear."""
+def _mean_slope(
+    found: SecantFit, terms: tuple[DriveTerm, ...], drive: NDArray[np.float64], *, speed: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Return the contribution of terms to the FRF around a drive, averaged over time: predictions are linear.
+
+    That of an even term is its correlation with the drives by chance, which is left out.
+    """
     added = np.zeros_like(found.frf)
     for number, term in enumerate(terms):
-        if term in ODD_TERMS:
+        if term in ODD_TERMS or term is DriveTerm.SIGNED_ROOT_OF_SPEED:
             columns = slice(number * drive.shape[0], (number + 1) * drive.shape[0])
-            added += found.term_frf[:, :, columns] * np.mean(term.slopes(drive), axis=1)
+            slope = found.term_frf[:, :, columns] * np.mean(term.slopes(term.argument(drive)), axis=1)
+            added += speed[:, None, None] * slope if term.is_of_speed else slope
     return added
 
 
+def _prior_of(term: DriveTerm) -> float:
+    """Return the prior strength of a term."""
+    return _PRIOR_OF_SPEED if term.is_of_speed else PRIOR_OF_TERM
+
+
 def _candidates(settings: UpdateSettings) -> tuple[tuple[DriveTerm, ...], ...]:
-    """Return the sets of terms that may be fitted: the first is empty, the last has all."""
+    """Return the sets of terms that may be fitted: the first is empty."""
     squares = (DriveTerm.SQUARE,) if settings.squares else ()
     odd = ODD_TERMS if settings.secant.odd_terms else ()
-    return tuple(dict.fromkeys(((), squares, odd, squares + odd)))
+    speeds = squares + SPEED_TERMS if settings.secant.speed_terms else ()
+    return tuple(dict.fromkeys(((), squares, odd, squares + odd, speeds)))
 
 
 def _identification_drive(

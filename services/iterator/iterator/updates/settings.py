@@ -38,7 +38,8 @@ class UpdateSettings(ResolvedUpdate):
         Secant update: overlap of the averaged blocks, 0 up to but not including 1.
     squares : bool
         Secant update: whether to learn the effect of the squares of the drives: arcs of levers, and springs that are
-        stiffer in one direction. `secant.odd_terms` is the same for cubes and signed squares.
+        stiffer in one direction. `secant.odd_terms` is the same for cubes and signed squares,
+        `secant.speed_terms` for speeds.
 
     Raises
     ------
@@ -76,7 +77,7 @@ class UpdateSettings(ResolvedUpdate):
     @property
     def without_terms(self) -> UpdateSettings:
         """Settings for a secant update without nonlinear terms of the drives."""
-        secant = self.secant.model_copy(update={"odd_terms": False})
+        secant = self.secant.model_copy(update={"odd_terms": False, "speed_terms": False})
         return self.model_copy(update={"squares": False, "secant": secant})
 
     @property

@@ -26,10 +26,9 @@ AWAY: Final = frozenset({query_pb2.FAULT_CODE_UNAVAILABLE, query_pb2.FAULT_CODE_
 
 _POLL_SECONDS: Final = 0.5
 _SILENCE_SECONDS: Final = 10.0
-# Chosen on four kinds of wear and two roads, see decision 41.
-_FORGETTING: Final = 0.3
+# Chosen on three kinds of wear and four roads, see decisions 41 and 50.
+_FORGETTING: Final = 0.5
 _PRIOR_STRENGTH: Final = 0.1
-_CAUTION: Final = 0.5
 _GAIN: Final = 0.9
 _ENDED: Final = (
     iterator_pb2.CAMPAIGN_PHASE_FINISHED,
@@ -367,14 +366,15 @@ def update_of_worn(update: ResolvedUpdate) -> ResolvedUpdate:
     """Return the settings of a secant update for a rig that has changed since its identification.
 
     The present response and each new step have the largest weight, the identified model a smaller one, and each line is
-    fitted to the lines of the whole record around it: the change is narrower than the lines of averaged blocks. The rig
-    responds more to a small step than to a large one, hence the gain.
+    fitted to the lines of the whole record around it: the change is narrower than the lines of averaged blocks. Speeds
+    of the drives are learned: a damper that leaks changes what they do. The rig responds more to a small step than to a
+    large one, hence the gain.
     """
     secant = update.secant
     learning = {
         "forgetting": min(secant.forgetting, _FORGETTING),
         "prior_strength": min(secant.prior_strength, _PRIOR_STRENGTH),
-        "caution": min(secant.caution, _CAUTION),
+        "speed_terms": True,
         "whole_record": True,
     }
     return update.model_copy(
