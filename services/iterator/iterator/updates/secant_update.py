@@ -236,7 +236,7 @@ def _mean_slope(
 ) -> NDArray[np.complex128]:
     """Return the contribution of terms to the FRF around a drive, averaged over time: predictions are linear.
 
-    That of an even term is its correlation with the drives by chance, which is left out.
+    Even terms are left out: their slopes are positive as often as negative, and have no mean except by chance.
     """
     added = np.zeros_like(found.frf)
     for number, term in enumerate(terms):
