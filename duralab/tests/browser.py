@@ -17,6 +17,9 @@ def browser_program() -> str | None:
     return shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
+_WEBGL = ("--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist")
+
+
 def _pipe() -> tuple[int, int]:
     """Return the ends of a pipe, beyond the descriptors 3 and 4 that are taken in the browser's process."""
     ends = os.pipe()
@@ -31,9 +34,12 @@ class RefusedError(AssertionError):
 
 
 class Browser:
-    """A headless Chromium with one page; use it in a `with` statement."""
+    """A headless Chromium with one page; use it in a `with` statement.
 
-    def __init__(self, program: str, profile: Path) -> None:
+    Only with `webgl` it draws in three dimensions; without a graphics card it then draws flat pages slowly too.
+    """
+
+    def __init__(self, program: str, profile: Path, *, webgl: bool = False) -> None:
         # Chromium reads commands from its descriptor 3 and writes answers to its descriptor 4.
         commands, self._commands = _pipe()
         self._answers, answers = _pipe()
@@ -42,9 +48,7 @@ class Browser:
         arguments = [
             "--headless=new",
             "--no-sandbox",
-            "--use-angle=swiftshader",
-            "--enable-unsafe-swiftshader",
-            "--ignore-gpu-blocklist",
+            *(_WEBGL if webgl else ("--disable-gpu",)),
             "--remote-debugging-pipe",
             "--no-first-run",
             f"--user-data-dir={profile}",

@@ -57,7 +57,10 @@ def test_a_browser_draws_curves_and_rig_of_a_recording_without_a_click(view, tmp
     program = browser_program()
     assert program is not None
     curves, rig, content, refused = 0, 0, b"", ""
-    with Viewer(port=0, web_port=0, native=False, file=view) as viewer, Browser(program, tmp_path / "profile") as page:
+    with (
+        Viewer(port=0, web_port=0, native=False, file=view) as viewer,
+        Browser(program, tmp_path / "profile", webgl=True) as page,
+    ):
         page.call("Page.navigate", url=viewer.page)
         deadline = time.monotonic() + SECONDS
         while time.monotonic() < deadline and not (curves > 200 and rig > 200):

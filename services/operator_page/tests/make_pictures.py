@@ -255,7 +255,7 @@ def take_viewer(out: Path) -> None:
         served = PageProcess(lab.endpoints[0], Path(temporary) / "page", viewer=viewer.page)
         try:
             (served.files / f"{NAME}.yaml").write_text(yaml.safe_dump(campaign() | {"hold": "first"}))
-            with Browser(browser_program(), Path(temporary) / "profile") as browser:
+            with Browser(browser_program(), Path(temporary) / "profile", webgl=True) as browser:
                 page = Page(browser, served.address)
                 page.go("run")
                 page.choose("select[name=campaign]", f"file:{NAME}")

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from browser import Browser, browser_program
 from page_in_browser import IN_A_BROWSER, Page, decide
 from page_lab import PASSWORDS, RIG, Client, PageProcess, campaign, schedule, write_target
 from PIL import Image
@@ -463,7 +464,7 @@ def until_changed(page: Page, before: np.ndarray, share: float, seconds: float =
     reason="without a graphics card it draws for minutes: DURALAB_DRAW_3D=1 runs it",
 )
 @pytest.mark.timeout(900)
-def test_the_rig_is_drawn_in_three_dimensions_in_the_frame_of_a_viewer(tmp_path, browser):
+def test_the_rig_is_drawn_in_three_dimensions_in_the_frame_of_a_viewer(tmp_path):
     rig = "front_axle_compliant"
     document = yaml.safe_load(SHIPPED.read_text())
     rms = dict(zip(document["excitation"]["rms"], [0.004, 0.003, 0.001] * 2, strict=True))
@@ -473,6 +474,7 @@ def test_the_rig_is_drawn_in_three_dimensions_in_the_frame_of_a_viewer(tmp_path,
     with (
         Viewer(port=0, web_port=0, native=False) as viewer,
         duralab.start(tmp_path, rigs=(rig, "predecessor"), viewer=viewer.address) as lab,
+        Browser(browser_program(), tmp_path / "profile", webgl=True) as browser,
     ):
         served = PageProcess(lab.endpoints[0], tmp_path / "page", viewer=viewer.page)
         try:
