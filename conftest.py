@@ -12,15 +12,21 @@ LONG_FOLDERS = {"long", "security", "faults", "deploy", "multihost", "endurance"
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Leave a folder of long tests unread if none of them is asked for: its imports take longer than many tests."""
-    is_long = collection_path.name in LONG_FOLDERS and collection_path.is_dir()
-    return True if is_long and config.getoption("markexpr") == "not long" else None
+    """Leave files of the tier that is not asked for unread: their imports take longer than many tests."""
+    if collection_path.is_dir():
+        return True if config.getoption("markexpr") == "not long" and collection_path.name in LONG_FOLDERS else None
+    is_test = collection_path.name.startswith("test_") and collection_path.suffix == ".py"
+    return True if config.getoption("markexpr") == "long" and is_test and not _is_long(collection_path) else None
+
+
+def _is_long(path: Path) -> bool:
+    return bool(LONG_FOLDERS.intersection(path.relative_to(ROOT).parent.parts))
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the long tests by their folder."""
     for item in items:
-        if LONG_FOLDERS.intersection(item.path.relative_to(ROOT).parent.parts):
+        if _is_long(item.path):
             item.add_marker(pytest.mark.long)
 
 
