@@ -1,7 +1,9 @@
 """A drive goes to a controller by its map and its response comes back, by hand; what cannot be is one sentence."""
 
 import json
+import shutil
 
+import asammdf
 import numpy as np
 import pytest
 import yaml
@@ -212,6 +214,24 @@ def test_the_commands_write_a_drive_and_read_its_response(controller_map, tmp_pa
     assert document["run"] == "road"
     assert document["alignment"]["gain"] == pytest.approx([1.005, 1.005], abs=1e-4)
     assert read_signals(tmp_path / "road.csv").names == ("left_force", "right_force", "roll")
+
+
+def test_what_is_not_read_of_an_exported_drive_file_is_named(controller_map, tmp_path):
+    drive = noise()
+    with asammdf.MDF(version="4.10") as measurement:
+        time = np.arange(drive.samples.shape[1]) / drive.sample_rate
+        rows = [(channel.name, row, channel.unit) for channel, row in zip(drive.channels, drive.samples, strict=True)]
+        rows.append(("gear", np.full(time.size, b"D"), ""))
+        measurement.append(
+            [asammdf.Signal(row, time, name=name, unit=unit, encoding="utf-8") for name, row, unit in rows]
+        )
+        measurement.save(tmp_path / "road.mf4")
+    sentence = "Channels that are not real numbers are left out: gear."
+    _, out, _ = invoke("export", "--map", controller_map, tmp_path / "road.mf4")
+    assert sentence in out.splitlines()
+    shutil.rmtree(tmp_path / "exchange")
+    _, out, _ = invoke("export", "--map", controller_map, tmp_path / "road.mf4", "--json")
+    assert sentence in json.loads(out)["notes"]
 
 
 def test_a_playback_of_a_recording_goes_out_to_the_controller(recording_path, tmp_path):

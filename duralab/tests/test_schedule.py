@@ -163,7 +163,7 @@ def test_a_drive_file_has_the_damage_of_its_target(folder):
     assert "The damage of square is not known and not counted." in str(found)
 
 
-def test_what_is_not_read_of_a_drive_file_is_named(folder):
+def test_what_is_not_read_of_the_files_of_a_schedule_is_named(folder):
     time, rows = np.arange(500) / 1000, [(name, np.zeros(500), "m") for name in synthetic_campaign.NAMES]
     with asammdf.MDF(version="4.10") as measurement:
         rows.append(("gear", np.full(500, b"D"), ""))
@@ -172,9 +172,14 @@ def test_what_is_not_read_of_a_drive_file_is_named(folder):
         )
         measurement.save(folder / "drive.mf4", overwrite=True)
     path = folder / "text.yaml"
-    path.write_text(f"name: files\nrig: {RIG}\nevents:\n  square: {{drive: drive.mf4, repeats: 10}}\n")
-    table = str(duralab.forecast_schedule(duralab.load_schedule(path)))
-    assert "file drive.mf4 (channels that are not real numbers are left out: gear)" in table
+    path.write_text(
+        f"name: files\nrig: {RIG}\nevents:\n  square: {{drive: drive.mf4, target: drive.mf4, repeats: 10}}\n"
+        "plan: {mix: {square: {count: 1.0}, city: {count: 5.0, target: drive.mf4}}}\n"
+    )
+    found = duralab.forecast_schedule(duralab.load_schedule(path))
+    said = "that are not real numbers are left out: gear"
+    assert f"file drive.mf4 (channels {said}) (channels of drive.mf4 {said})" in str(found)
+    assert found.notes[0] == f"plan.mix.city: channels of drive.mf4 {said}."
 
 
 def loads_of(folder, name, *, units, scale=1.0):

@@ -108,9 +108,15 @@ def _prepared(schedule: Schedule, event: Event, recordings: Path | None) -> Prep
         return _from_recording(open_recording(path), schedule.rig, exponent, accepted=event.missed_target_accepted)
     target = None if event.target is None else signals_in_si(schedule.folder / event.target)
     drive = signals_in_si(path)
-    left_out = drive.attributes.get(LEFT_OUT, "").rstrip(".")
-    note = f" ({left_out[0].lower()}{left_out[1:]})" if left_out else ""
+    of_target = left_out_of(target, of=f" of {event.target}")
+    note = "".join(f" ({text})" for text in (left_out_of(drive), of_target) if text)
     return PreparedEvent(drive, target, None, f"file {path.name}{note}", "", exponent)
+
+
+def left_out_of(signals: Signals | None, *, of: str = "") -> str:
+    """Return the part of a sentence that names the channels of a file that were left out; empty if none were."""
+    sentence = "" if signals is None else signals.attributes.get(LEFT_OUT, "").rstrip(".")
+    return sentence.replace("Channels", f"channels{of}", 1)
 
 
 def signals_in_si(path: Path) -> Signals:

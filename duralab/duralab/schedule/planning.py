@@ -12,7 +12,14 @@ import numpy as np
 from duralab.arguments import require_path
 from duralab.display import html_table, text_table
 from duralab.errors import InputError
-from duralab.schedule.events import PreparedEvent, damage_of, prepare_events, require_same_units, signals_in_si
+from duralab.schedule.events import (
+    PreparedEvent,
+    damage_of,
+    left_out_of,
+    prepare_events,
+    require_same_units,
+    signals_in_si,
+)
 from duralab_schedules import (
     MOST_REPEATS,
     DamagePlan,
@@ -274,6 +281,7 @@ def _damage_plan(schedule: Schedule, events: Mapping[str, PreparedEvent]) -> tup
             )
         return dict(plan.damage), ()
     planned: dict[str, float] = {}
+    notes: list[str] = []
     for name, met in (plan.mix or {}).items():
         target = events[name].target if met.target is None else signals_in_si(schedule.folder / met.target)
         if target is None:
@@ -283,6 +291,8 @@ def _damage_plan(schedule: Schedule, events: Mapping[str, PreparedEvent]) -> tup
             )
         for event_name, event in events.items():
             require_same_units(target, event.measured, what=f"the target of plan.mix.{name}", than=event_name)
+        if met.target is not None and (left_out := left_out_of(target, of=f" of {met.target}")):
+            notes.append(f"plan.mix.{name}: {left_out}.")
         damage = damage_of(target, float(schedule.monitoring.damage_exponent))
         if missing := [channel for channel in responses if channel not in damage]:
             raise InputError(
@@ -292,9 +302,9 @@ def _damage_plan(schedule: Schedule, events: Mapping[str, PreparedEvent]) -> tup
             )
         for channel in responses:
             planned[channel] = planned.get(channel, 0.0) + met.count * damage[channel]
-    silent = [channel for channel, value in planned.items() if value == 0.0]
-    notes = (f"The customer's mix does not damage {', '.join(silent)}: not planned.",) if silent else ()
-    return {channel: value for channel, value in planned.items() if value > 0.0}, notes
+    if silent := [channel for channel, value in planned.items() if value == 0.0]:
+        notes.append(f"The customer's mix does not damage {', '.join(silent)}: not planned.")
+    return {channel: value for channel, value in planned.items() if value > 0.0}, tuple(notes)
 
 
 def _responses(events: Mapping[str, PreparedEvent]) -> tuple[str, ...]:

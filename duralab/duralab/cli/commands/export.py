@@ -101,7 +101,7 @@ def export(
 def _export_for_controller(
     source: Path, controller_map: Path, run: str | None, *, playback: int | None, output: Output
 ) -> None:
-    from duralab.formats import export_drive, read_signals
+    from duralab.formats import LEFT_OUT, export_drive, read_signals
     from duralab.recording import open_recording
 
     origin: Iterable[str] = ()
@@ -115,14 +115,15 @@ def _export_for_controller(
     else:
         drive, run = read_signals(source), run or source.stem
     written = export_drive(drive, controller_map, run=run)
+    notes = (*([drive.attributes[LEFT_OUT]] if LEFT_OUT in drive.attributes else []), *written.notes)
     order = written.order
     seconds = order.samples / order.sample_rate
-    if output.document({"path": written.path, "page": written.page, "notes": written.notes, **asdict(order)}):
+    if output.document({"path": written.path, "page": written.page, "notes": notes, **asdict(order)}):
         return
     output.say(
         f"{written.path}: {order.samples} samples at {order.sample_rate:g} Hz, {seconds:.6g} s",
         *origin,
-        *written.notes,
+        *notes,
         *(
             f"  {channel.name}: peak {channel.peak:.4g} {channel.unit}, {100 * share:.0f} % of its limit; "
             f"full scale {channel.full_scale:g} {channel.unit}"
