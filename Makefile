@@ -76,8 +76,8 @@ docs: setup ## build the documentation's site into out/site; a warning is an err
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 
 # One thread each, as a lab's services have it: threads of BLAS in several workers wait for one another most of the time.
-# Three on two cores: a test waits for a fifth of its time, for a fault to be noticed or a lab to stand.
-PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --numprocesses=3 --dist=loadfile --no-loadscope-reorder
+# Four on two cores: half of its time a test waits, for a fault to be noticed or a lab to stand.
+PYTEST := OMP_NUM_THREADS=1 $(BIN)/python -m pytest -q --numprocesses=4 --dist=loadfile --no-loadscope-reorder
 
 test: setup ## run the quick tests: units, the bus, a whole campaign, a resumed one, the READMEs (ARGS="-k name" for some)
 	@$(PYTEST) -m "not long" $(ARGS)
