@@ -126,7 +126,7 @@ FULL: Final = Extent(
     36.0,
     4,
 )
-QUICK: Final = Extent(5.0, 1, 2, (1, 2), 75.0, 38.0, (LEVEL,), (1,), 2, 5.0, 2)
+QUICK: Final = Extent(5.0, 1, 2, (1, 2), 38.0, 38.0, (LEVEL,), (1,), 2, 5.0, 2)
 
 
 @dataclass(frozen=True)

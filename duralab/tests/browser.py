@@ -64,10 +64,18 @@ class Browser:
         os.close(answers)
         self._buffer = b""
         self._number = 0
-        target = self.call("Target.createTarget", url="about:blank")["targetId"]
-        self._session: str | None = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
+        self._session: str | None = None
+        self._context = ""
+        self.forget_everything()
 
-    _session = None
+    def forget_everything(self) -> None:
+        """Close the page, and open an empty one in a context without cookies, storage or cache of the one before."""
+        self._session = None
+        if self._context:
+            self.call("Target.disposeBrowserContext", browserContextId=self._context)
+        self._context = self.call("Target.createBrowserContext")["browserContextId"]
+        target = self.call("Target.createTarget", url="about:blank", browserContextId=self._context)["targetId"]
+        self._session = self.call("Target.attachToTarget", targetId=target, flatten=True)["sessionId"]
 
     def call(self, method: str, **parameters: Any) -> dict[str, Any]:
         self._number += 1

@@ -13,10 +13,17 @@ def lab(tmp_path_factory):
         yield started
 
 
-@pytest.fixture
-def browser(tmp_path):
-    with Browser(browser_program(), tmp_path / "profile") as opened:
+@pytest.fixture(scope="session")
+def browser_of_all(tmp_path_factory):
+    with Browser(browser_program(), tmp_path_factory.mktemp("browser") / "profile") as opened:
         yield opened
+
+
+@pytest.fixture
+def browser(browser_of_all):
+    """One that has seen nothing yet: a new process takes a second of processor time."""
+    browser_of_all.forget_everything()
+    return browser_of_all
 
 
 @pytest.fixture
