@@ -46,7 +46,8 @@ class Watched:
 def watched(tmp_path_factory: pytest.TempPathFactory, short_document: dict[str, Any]) -> Watched:
     folder = tmp_path_factory.mktemp("lab")
     file = folder / "campaign.yaml"
-    file.write_text(yaml.safe_dump(short_document))
+    # Held at each playback: the error of a campaign is a figure only while it runs.
+    file.write_text(yaml.safe_dump(short_document | {"hold": "each"}))
     found: dict[str, Figure] = {}
 
     def look(lab: duralab.Lab) -> None:
@@ -54,8 +55,20 @@ def watched(tmp_path_factory: pytest.TempPathFactory, short_document: dict[str, 
             assert service.trouble == ""
             found.update({figure.name: figure for figure in service.figures})
 
-    with duralab.start(folder / "out", rigs=("front_axle_compliant", "predecessor"), endurance=True) as lab:
-        result = lab.run(file, on_progress=lambda _progress: look(lab))
+    with (
+        duralab.start(folder / "out", rigs=("front_axle_compliant", "predecessor"), endurance=True) as lab,
+        duralab.connect(lab.endpoints[0]) as other,
+    ):
+
+        def look_and_play(progress: duralab.RunProgress) -> None:
+            look(lab)
+            if progress.hold is not None and progress.hold.number not in decided:
+                other.decide(progress.campaign, "play", proposal=progress.hold.number, name="Ada", reason="watched")
+                decided.add(progress.hold.number)
+
+        decided: set[int] = set()
+        result = lab.run(file, on_progress=look_and_play)
+        assert decided == {1, 2, 3}
         look(lab)
         campaign = result.recording.specification.id
         schedule = folder / "weeks.yaml"
